@@ -1,0 +1,128 @@
+#pragma once
+
+#include "agents/core/params.h"
+
+namespace lanewise {
+
+/// Dynamic Window planner.
+struct DwaParams {
+  int speed_samples{15};
+  int path_samples{20};
+  double horizon{3.0};
+  double path_weight{0.35};
+  double goal_weight{1.0};
+  double clearance_weight{0.6};
+  double speed_weight{4.0};
+  double comfort_weight{0.05};
+  double clearance_margin{0.25};
+  double clearance_comfort{0.6};
+};
+
+/// What an agent wants and tolerates on the road, whatever its policy.
+struct DrivingParams {
+  double comfort_decel{3.0};
+  double max_lateral_accel{4.0};
+  double tracking_time{0.9};
+  double tracking_distance{3.0};
+  double max_course_angle{0.35};
+  double response_time{0.3};
+  double pass_clearance{0.5};
+  double guard_margin{8.0};
+};
+
+struct LaneChangeParams {
+  double lookahead_time{10.0};
+  double lookahead_distance{30.0};
+  double reserve{14.0};
+  double gain_threshold{0.35};
+  double politeness{0.2};
+  double safe_decel{3.0};
+  double min_gap{1.0};
+  double cooperation_decel{2.0};
+};
+
+struct ControlParams {
+  double speed_kp{2.0};
+  double speed_ki{0.05};
+  double speed_kd{0.0};
+  double steering_kp{1.0};
+  double steering_ki{0.02};
+  double steering_kd{0.15};
+  double derivative_filter{0.2};
+};
+
+/// Every parameter of the agents. The Visit table is the only declaration of name, unit, range,
+/// meaning and source.
+struct AgentParams {
+  DwaParams dwa;
+  DrivingParams driving;
+  LaneChangeParams lane_change;
+  ControlParams control;
+
+  template <class Self, class Field>
+  static void Visit(Self& p, Field&& field) {
+    field("dwa.speed_samples", p.dwa.speed_samples, "-", Range{3, 31},
+          "speed profiles a plan: accelerations over the reachable window", "[C] 300 rollouts = 15 x 20");
+    field("dwa.path_samples", p.dwa.path_samples, "-", Range{3, 64},
+          "steering courses a plan: lateral targets over the free width", "[C] 300 rollouts = 15 x 20");
+    field("dwa.horizon", p.dwa.horizon, "s", Range{1.0, 6.0}, "how far ahead a rollout is simulated", "PERF K=15..30 steps");
+    field("dwa.path_weight", p.dwa.path_weight, "1/m", Range{0, 100},
+          "critic 1: distance of the rollout's end from the reference path", "[C] DWA criterion 1");
+    field("dwa.goal_weight", p.dwa.goal_weight, "-", Range{0, 100},
+          "critic 2: progress lost against free driving", "[C] DWA criterion 2");
+    field("dwa.clearance_weight", p.dwa.clearance_weight, "-", Range{0, 100},
+          "critic 3: nearness of obstacles below clearance_comfort", "[C] DWA criterion 3");
+    field("dwa.speed_weight", p.dwa.speed_weight, "-", Range{0, 100},
+          "cost of driving faster than the reference speed of the course", "own choice, keeps following smooth");
+    field("dwa.comfort_weight", p.dwa.comfort_weight, "-", Range{0, 100},
+          "cost of braking and of changing course", "own choice");
+    field("dwa.clearance_margin", p.dwa.clearance_margin, "m", Range{0, 2},
+          "a rollout that comes closer to an obstacle is dropped", "own choice");
+    field("dwa.clearance_comfort", p.dwa.clearance_comfort, "m", Range{0, 5},
+          "clearance beyond which an obstacle no longer costs", "own choice");
+    field("driving.comfort_decel", p.driving.comfort_decel, "m/s^2", Range{0.5, 9},
+          "braking an agent plans with; it may use its type's decel and emergency decel when it must",
+          "ISO 15622 comfort limit 3.5");
+    field("driving.max_lateral_accel", p.driving.max_lateral_accel, "m/s^2", Range{0.5, 9},
+          "sets the speed in bends: v = sqrt(a / curvature)", "urban drivers 3-4; netconvert's own turn limit is 5.5");
+    field("driving.tracking_time", p.driving.tracking_time, "s", Range{0.2, 5},
+          "time constant of the return to the reference path", "Stanley-type law, gain 1 / max(v t, d)");
+    field("driving.tracking_distance", p.driving.tracking_distance, "m", Range{0.5, 20},
+          "least distance constant of the return to the reference path", "the same, at low speed");
+    field("driving.max_course_angle", p.driving.max_course_angle, "rad", Range{0.05, 0.8},
+          "greatest angle between course and road", "own choice");
+    field("driving.response_time", p.driving.response_time, "s", Range{0.05, 2},
+          "time in which the speed is brought to the wanted one", "own choice: damping 0.9 at a time gap of 1 s");
+    field("driving.pass_clearance", p.driving.pass_clearance, "m", Range{0.1, 3},
+          "lateral room kept to a broken-down vehicle passed within the lane", "own choice");
+    field("driving.guard_margin", p.driving.guard_margin, "m", Range{0, 100},
+          "rules = sumo: SUMO's checks come on this much before braking distance to a junction", "own choice");
+    field("lane_change.lookahead_time", p.lane_change.lookahead_time, "s", Range{1, 60},
+          "a needed change is begun this many seconds before the lane ends, per lane", "SUMO LC2013 uses 10");
+    field("lane_change.lookahead_distance", p.lane_change.lookahead_distance, "m", Range{0, 500},
+          "and at least at this distance, per lane", "own choice");
+    field("lane_change.reserve", p.lane_change.reserve, "m", Range{0, 100},
+          "room kept before the lane's end to steer over from standstill", "bicycle model: 3.2 m needs about 10 m");
+    field("lane_change.gain_threshold", p.lane_change.gain_threshold, "m/s^2", Range{0, 5},
+          "advantage in acceleration worth a change", "MOBIL, Kesting et al. 2007");
+    field("lane_change.politeness", p.lane_change.politeness, "-", Range{0, 1},
+          "weight of the new follower's loss", "MOBIL, Kesting et al. 2007");
+    field("lane_change.safe_decel", p.lane_change.safe_decel, "m/s^2", Range{0.5, 9},
+          "braking one may impose on the new follower", "MOBIL, Kesting et al. 2007");
+    field("lane_change.min_gap", p.lane_change.min_gap, "m", Range{0.1, 10},
+          "least gap to the new leader and the new follower", "own choice");
+    field("lane_change.cooperation_decel", p.lane_change.cooperation_decel, "m/s^2", Range{0, 9},
+          "braking one accepts to let a vehicle in that must change", "own choice");
+    field("control.speed_kp", p.control.speed_kp, "1/s", Range{0.1, 10}, "PID speed: proportional", "[C] PID");
+    field("control.speed_ki", p.control.speed_ki, "1/s^2", Range{0, 10}, "PID speed: integral", "[C] PID");
+    field("control.speed_kd", p.control.speed_kd, "-", Range{0, 10}, "PID speed: derivative", "[C] PID");
+    field("control.steering_kp", p.control.steering_kp, "-", Range{0.1, 10},
+          "PID steering: proportional, on the lateral error over the tracking distance", "[C] PID");
+    field("control.steering_ki", p.control.steering_ki, "1/s", Range{0, 10}, "PID steering: integral", "[C] PID");
+    field("control.steering_kd", p.control.steering_kd, "s", Range{0, 10}, "PID steering: derivative", "[C] PID");
+    field("control.derivative_filter", p.control.derivative_filter, "s", Range{0, 5},
+          "low-pass on the derivative", "[C] lag filter against noise");
+  }
+};
+
+}  // namespace lanewise

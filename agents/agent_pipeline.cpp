@@ -1,0 +1,200 @@
+#include "agents/agent_pipeline.h"
+
+#include <omp.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "agents/core/geometry.h"
+#include "agents/planning/car_following.h"
+#include "agents/planning/tactics.h"
+#include "agents/vehicle/kinematic_bicycle.h"
+
+namespace lanewise {
+namespace {
+
+/// Below this many rows a step runs on one thread: forking a team costs more than it saves.
+constexpr std::size_t kMinParallelAgents = 64;
+
+/// [m/s] and [m] below which a vehicle behind a standing leader has nothing to plan.
+constexpr double kStandingSpeed = 0.05;
+constexpr double kQueueGap = 0.6;
+
+/// Speed [m/s] the ego wants without other traffic: limits, bends and speed limits ahead.
+double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving, const WayAhead& way) {
+  const Traffic& traffic = *world.traffic;
+  const double speed = traffic.now.speed[i];
+  const double here = world.network->lanes[way.lanes[0].lane].speed_limit;
+  double wanted = traffic.speed_limit[i];
+  const double preview = speed * driving.response_time;
+  for (int k = 0; k < way.count; ++k) {
+    const LaneCurve& curve = (*world.curves)[way.lanes[k].lane];
+    const double distance = way.lanes[k].start - preview;
+    if (distance <= 0.0) {
+      const double s = -distance;
+      if (s <= curve.length()) wanted = std::min(wanted, curve.SpeedCap(s));
+      continue;
+    }
+    if (distance > speed * speed / (2.0 * driving.comfort_decel) + 1.0) break;
+    const double limit = std::min(curve.SpeedCap(0.0), world.network->lanes[way.lanes[k].lane].speed_limit / std::max(0.1, here) * traffic.speed_limit[i]);
+    wanted = std::min(wanted, BrakingSpeed(distance, limit, driving.comfort_decel));
+  }
+  return wanted;
+}
+
+/// The plan's acceleration, a PID on what was missed of the planned speed, then the powertrain's lag.
+/// Emergencies go to the brakes at once. @return acceleration [m/s^2].
+double ControlSpeed(const ControlParams& control, const VehicleParams& vehicle, const Plan& plan, bool emergency, double speed_error,
+                    double accel_now, double dt, PidState* pid) {
+  if (emergency) {
+    *pid = {};
+    return -vehicle.emergency_decel;
+  }
+  const PidGains gains{control.speed_kp, control.speed_ki, control.speed_kd, control.derivative_filter, vehicle.max_accel};
+  const double command = plan.accel + StepPid(gains, speed_error, dt, pid);
+  const double share = dt / (vehicle.accel_lag + dt);
+  return std::clamp(accel_now + share * (command - accel_now), -vehicle.emergency_decel, vehicle.max_accel);
+}
+
+/// PID on the lateral error gives the wanted course; the steering follows through its rate limit and lag.
+/// @return new steering angle [rad].
+double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, double lateral_error, double heading_error, double speed,
+                       double steering_now, double dt, PidState* pid) {
+  const double reach = std::max(params.driving.tracking_distance, speed * params.driving.tracking_time);
+  const PidGains gains{params.control.steering_kp, params.control.steering_ki, params.control.steering_kd,
+                       params.control.derivative_filter, params.driving.max_course_angle};
+  const double course = StepPid(gains, lateral_error / reach, dt, pid);
+  const double max_slip = SlipAngle(vehicle.max_steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
+  const double slip = std::clamp(course - heading_error, -max_slip, max_slip);
+  const double wanted = SteeringAngle(slip, vehicle.wheelbase, vehicle.rear_axle_to_front);
+  const double lagged = steering_now + dt / (vehicle.steering_lag + dt) * (wanted - steering_now);
+  const DynamicWindow window = ReachableSteering(steering_now, vehicle.max_steering_rate, vehicle.max_steering_angle, dt);
+  return std::clamp(lagged, window.min, window.max);
+}
+
+}  // namespace
+
+AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params)
+    : network_(network), curves_(curves), params_(params), occupancy_(network) {
+  for (int t = 0; t < omp_get_max_threads(); ++t) scratch_.push_back(std::make_unique<PlanScratch>());
+}
+
+AgentPipeline::~AgentPipeline() = default;
+
+void AgentPipeline::UpdatePoses(Traffic* traffic) const {
+  Motion& now = traffic->now;
+#pragma omp parallel for schedule(static) if (traffic->size() >= kMinParallelAgents)
+  for (std::size_t i = 0; i < traffic->vehicle_count; ++i) {
+    if (!traffic->driven[i]) continue;
+    const PathPoint point = curves_[now.lane[i]].At(now.s[i]);
+    now.x[i] = point.x - now.d[i] * std::sin(point.heading);
+    now.y[i] = point.y + now.d[i] * std::cos(point.heading);
+    now.heading[i] = WrapAngle(point.heading + now.heading_error[i]);
+    now.curvature[i] = point.curvature;
+  }
+}
+
+void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Traffic* traffic, Commands* commands) {
+  const std::size_t n = traffic->size();
+  center_x_.resize(n);
+  center_y_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double half = 0.5 * traffic->params[i].length;
+    center_x_[i] = traffic->now.x[i] - half * std::cos(traffic->now.heading[i]);
+    center_y_[i] = traffic->now.y[i] - half * std::sin(traffic->now.heading[i]);
+  }
+  grid_.Build(center_x_, center_y_);
+  occupancy_.Build(*traffic);
+  const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_};
+  commands->Resize(n);
+#pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
+  for (std::size_t i = 0; i < traffic->vehicle_count; ++i) {
+    if (!traffic->driven[i]) continue;
+    StepAgent(world, static_cast<AgentIndex>(i), dt, guarded[i] != 0, scratch_[omp_get_thread_num()].get(), traffic, commands);
+  }
+}
+
+void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch, Traffic* traffic, Commands* commands) const {
+  const Motion& now = traffic->now;
+  Motion& next = traffic->next;
+  const VehicleParams& vehicle = traffic->params[i];
+  const DrivingParams& driving = params_.driving;
+  const double speed = now.speed[i];
+
+  // Sense.
+  const double sight = std::max(60.0, 4.0 * speed + speed * speed / (2.0 * driving.comfort_decel));
+  scratch->way = LookAhead(world, i, sight);
+  const WayAhead& way = scratch->way;
+  const Leader leader = FindLeader(world, i, way);
+
+  // Decide.
+  const Tactics tactics = DecideTactics(world, params_, i, way, leader);
+
+  // Plan.
+  PlanContext context;
+  context.d = now.d[i];
+  context.heading_error = now.heading_error[i];
+  context.slip = SlipAngle(now.steering_angle[i], vehicle.wheelbase, vehicle.rear_axle_to_front);
+  context.speed = speed;
+  context.target_d = tactics.target_d;
+  context.corridor_min = tactics.corridor_min;
+  context.corridor_max = tactics.corridor_max;
+  context.free_speed = std::min(FreeSpeed(world, i, driving, way), tactics.speed_cap);
+  context.vehicle = &vehicle;
+  const double horizon = std::max(10.0, speed * params_.dwa.horizon + 4.0);
+  const bool leader_beyond_view = leader.row != kNone && leader.gap > horizon;
+  if (leader_beyond_view) {
+    context.far_gap = leader.gap;
+    context.far_speed = leader.speed;
+  }
+  Plan plan{0.0, now.d[i], PlanStatus::kOk};
+  const bool queued = speed < kStandingSpeed && leader.row != kNone && leader.speed < kStandingSpeed &&
+                      leader.gap < vehicle.min_gap + kQueueGap && tactics.lane_change == 0;
+  double leader_gap = leader.gap, leader_speed = leader.speed;
+  if (!queued) {
+    SenseRoad(world, i, way, horizon, !guarded, &scratch->view);
+    plan = traffic->policy[i] == Policy::kIdm ? PlanIdm(params_, context, scratch) : PlanDwa(params_, context, scratch);
+    if (scratch->courses.leader_gap < leader_gap || plan.target_d != context.target_d) {
+      leader_gap = scratch->courses.leader_gap;
+      leader_speed = scratch->courses.leader_speed;
+    }
+  } else {
+    plan.accel = -speed / dt;
+  }
+
+  // Control.
+  const bool emergency = plan.status == PlanStatus::kNoFeasibleCommand &&
+                         speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25);
+  next.speed_pid[i] = now.speed_pid[i];
+  next.steering_pid[i] = now.steering_pid[i];
+  const double accel = ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed, now.accel[i], dt, &next.speed_pid[i]);
+  const double steering = ControlSteering(params_, vehicle, plan.target_d - now.d[i], now.heading_error[i], speed,
+                                          now.steering_angle[i], dt, &next.steering_pid[i]);
+
+  // Integrate.
+  const LaneCurve& curve = curves_[now.lane[i]];
+  RoadPose pose{now.s[i] * curve.scale(), now.d[i], now.heading_error[i]};
+  double next_speed = speed;
+  const double slip = SlipAngle(steering, vehicle.wheelbase, vehicle.rear_axle_to_front);
+  const double progress = StepBicycleOnRoad(accel, slip, vehicle.rear_axle_to_front, now.curvature[i], dt, &pose, &next_speed);
+  next.d[i] = pose.d;
+  next.heading_error[i] = pose.heading_error;
+  next.speed[i] = next_speed;
+  next.accel[i] = (next_speed - speed) / dt;
+  next.speed_ref[i] = std::max(0.0, speed + plan.accel * dt);
+  next.steering_angle[i] = steering;
+  next.s[i] = now.s[i] + progress / curve.scale();
+  next.lane[i] = now.lane[i];
+  next.lane_change[i] = tactics.lane_change;
+  next.blinker[i] = tactics.blinker;
+  next.urgent[i] = tactics.urgent;
+  next.since_change[i] = now.since_change[i] + static_cast<float>(dt);
+  next.yielded_to[i] = tactics.yielded_to;
+
+  commands->lane_speed[i] = progress / curve.scale() / dt;
+  commands->emergency[i] = next_speed < speed - vehicle.max_decel * dt - 1e-9;
+  const double border = 0.5 * network_.lanes[now.lane[i]].width;
+  commands->change_lane[i] = tactics.lane_change != 0 && pose.d * tactics.lane_change > border ? tactics.lane_change : std::int8_t{0};
+}
+
+}  // namespace lanewise

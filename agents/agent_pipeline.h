@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "agents/agent_params.h"
+#include "agents/network/lane_curve.h"
+#include "agents/network/road_network.h"
+#include "agents/planning/dwa.h"
+#include "agents/sensing/lane_occupancy.h"
+#include "agents/sensing/spatial_grid.h"
+#include "agents/traffic.h"
+
+namespace lanewise {
+
+/// The step of all agents: share, sense, decide, plan, control, integrate. Reads traffic->now, writes
+/// traffic->next and the commands; row i is written by agent i only, so the result does not depend on the
+/// number of threads. After warm-up a step does not allocate.
+class AgentPipeline {
+ public:
+  AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params);
+  ~AgentPipeline();
+
+  /// World poses of agent-driven vehicles in traffic->now from their lane, s and d.
+  void UpdatePoses(Traffic* traffic) const;
+  /// One step of `dt` [s]. `guarded[i]`: SUMO's checks guard agent i at the junction ahead.
+  void Step(double dt, const std::vector<std::uint8_t>& guarded, Traffic* traffic, Commands* commands);
+
+  const AgentParams& params() const { return params_; }
+
+ private:
+  void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch, Traffic* traffic, Commands* commands) const;
+
+  const RoadNetwork& network_;
+  const std::vector<LaneCurve>& curves_;
+  AgentParams params_;
+  LaneOccupancy occupancy_;
+  SpatialGrid grid_{20.0};
+  std::vector<double> center_x_, center_y_;
+  std::vector<std::unique_ptr<PlanScratch>> scratch_;  // By thread.
+};
+
+}  // namespace lanewise

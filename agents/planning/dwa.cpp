@@ -1,0 +1,249 @@
+#include "agents/planning/dwa.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "agents/planning/car_following.h"
+
+namespace lanewise {
+namespace {
+
+/// [s] between the points at which a rollout is checked against what moves beside the ego.
+constexpr float kCheckPeriod = 0.2f;
+/// Courses are simulated in groups that fill vector registers.
+int RoundUp(int count) { return (count + 15) / 16 * 16; }
+
+/// Speed profiles of a plan: constant accelerations, the first one the reference.
+struct SpeedProfiles {
+  int count;
+  std::array<float, kMaxSpeedProfiles> accel;
+  std::array<float, kMaxSpeedProfiles> next_speed;  // After the response time.
+};
+
+SpeedProfiles MakeSpeedProfiles(const AgentParams& params, const PlanContext& c, double reference_speed) {
+  const double response = params.driving.response_time;
+  const DynamicWindow window = ReachableSpeeds(c.speed, c.vehicle->max_decel, c.vehicle->max_accel, response);
+  SpeedProfiles profiles;
+  profiles.count = params.dwa.speed_samples;
+  for (int i = 0; i < profiles.count; ++i) {
+    const double share = static_cast<double>(i - 1) / (profiles.count - 2);
+    const double speed = i == 0 ? std::clamp(reference_speed, window.min, window.max)
+                                : window.min + share * (window.max - window.min);
+    profiles.next_speed[i] = static_cast<float>(speed);
+    profiles.accel[i] = static_cast<float>((speed - c.speed) / response);
+  }
+  return profiles;
+}
+
+/// Distance driven and whether it still moves, under constant acceleration until standstill.
+float Travel(float speed, float accel, float time) {
+  if (accel < 0.0f) time = std::min(time, speed / -accel);
+  return speed * time + 0.5f * accel * time * time;
+}
+
+/// Lowers scratch->blocked_clearance[i][j] to the lateral gap of rollout (i, j) to road users beside
+/// and behind the ego, which move on at constant velocity. What is ahead limits the speed instead.
+void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedProfiles& profiles, PlanScratch* scratch) {
+  const RoadView& view = scratch->view;
+  const CourseSet& courses = scratch->courses;
+  const int padded = RoundUp(courses.count);
+  for (int i = 0; i < profiles.count; ++i) std::fill_n(scratch->blocked_clearance[i], padded, 1e3f);
+  const float ego_length = static_cast<float>(c.vehicle->length);
+  const int checks = static_cast<int>(params.dwa.horizon / kCheckPeriod);
+  float leftmost = -1e3f, rightmost = 1e3f;
+  for (int j = 0; j < courses.count; ++j) {
+    leftmost = std::max(leftmost, courses.left_on[0][j]);
+    rightmost = std::min(rightmost, courses.right_on[0][j]);
+  }
+  const float comfort = static_cast<float>(params.dwa.clearance_comfort);
+  for (int m = 0; m < view.obstacle_count; ++m) {
+    const Obstacle& o = view.obstacles[m];
+    if (o.s - o.half_length > 0.0f) continue;
+    const float drift = std::abs(o.speed_d) * static_cast<float>(params.dwa.horizon);
+    if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort) continue;
+    for (int i = 0; i < profiles.count; ++i) {
+      for (int k = 0; k <= checks; ++k) {
+        const float t = static_cast<float>(k) * kCheckPeriod;
+        const float front = Travel(static_cast<float>(c.speed), profiles.accel[i], t);
+        const float obstacle_s = o.s + o.speed_s * t;
+        if (obstacle_s + o.half_length < front - ego_length || obstacle_s - o.half_length > front) continue;
+        const int n = std::min(kPathNodes - 1, static_cast<int>(front / view.spacing));
+        const float obstacle_left = o.d + o.speed_d * t + o.half_width;
+        const float obstacle_right = o.d + o.speed_d * t - o.half_width;
+        float* clearance = scratch->blocked_clearance[i];
+        const float* right = courses.right[n];
+        const float* left = courses.left[n];
+#pragma omp simd
+        for (int j = 0; j < padded; ++j) {
+          const float gap_right = right[j] - obstacle_left, gap_left = obstacle_right - left[j];
+          const float gap = gap_right > gap_left ? gap_right : gap_left;
+          clearance[j] = gap < clearance[j] ? gap : clearance[j];
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+DynamicWindow ReachableSpeeds(double speed, double max_decel, double max_accel, double period) {
+  return {std::max(0.0, speed - max_decel * period), speed + max_accel * period};
+}
+
+DynamicWindow ReachableSteering(double steering_angle, double max_rate, double max_angle, double period) {
+  return {std::max(-max_angle, steering_angle - max_rate * period), std::min(max_angle, steering_angle + max_rate * period)};
+}
+
+void RollOutCourses(const DrivingParams& driving, const RoadView& view, const PlanContext& c, int count, CourseSet* courses) {
+  courses->count = count;
+  const int padded = RoundUp(count);
+  for (int j = 0; j < padded; ++j) {
+    const double share = count < 2 ? 0.0 : std::min(1.0, static_cast<double>(j - 1) / (count - 2));
+    courses->target[j] = static_cast<float>(
+        j == 0 ? c.target_d : c.corridor_min + share * (c.corridor_max - c.corridor_min));
+  }
+  const VehicleParams& vehicle = *c.vehicle;
+  const float l_r = static_cast<float>(vehicle.rear_axle_to_front);
+  const float half_width = static_cast<float>(0.5 * vehicle.width);
+  const float length = static_cast<float>(vehicle.length);
+  const float gain = static_cast<float>(1.0 / std::max(driving.tracking_distance, c.speed * driving.tracking_time));
+  const float max_course = static_cast<float>(driving.max_course_angle);
+  const float max_slip = static_cast<float>(std::atan(vehicle.rear_axle_to_front / vehicle.wheelbase * std::tan(vehicle.max_steering_angle)));
+  const float spacing = view.spacing;
+  // Steering turns at a rate in time; over one node it can turn by rate * spacing / speed.
+  const float max_turn = static_cast<float>(vehicle.max_steering_rate) * spacing / std::max(1.0f, static_cast<float>(c.speed));
+
+  alignas(64) float d[kMaxCourses], heading[kMaxCourses], slip[kMaxCourses];
+  std::fill_n(d, padded, static_cast<float>(c.d));
+  std::fill_n(heading, padded, static_cast<float>(c.heading_error));
+  std::fill_n(slip, padded, static_cast<float>(c.slip));
+  const float* target = courses->target.data();
+  for (int n = 0; n < kPathNodes; ++n) {
+    const float curvature = view.curvature[n];
+    float* right = courses->right[n];
+    float* left = courses->left[n];
+#pragma omp simd
+    for (int j = 0; j < padded; ++j) {
+      const float rear = d[j] - length * heading[j];
+      right[j] = (rear < d[j] ? rear : d[j]) - half_width;
+      left[j] = (rear > d[j] ? rear : d[j]) + half_width;
+      // The tracking law of the steering controller; then one step of the bicycle in distance.
+      float course = gain * (target[j] - d[j]);
+      course = course > max_course ? max_course : (course < -max_course ? -max_course : course);
+      float turn = course - heading[j] - slip[j];
+      turn = turn > max_turn ? max_turn : (turn < -max_turn ? -max_turn : turn);
+      float beta = slip[j] + turn;
+      beta = beta > max_slip ? max_slip : (beta < -max_slip ? -max_slip : beta);
+      slip[j] = beta;
+      const float angle = heading[j] + beta;
+      d[j] += spacing * (angle + angle * angle * angle * (1.0f / 3.0f));        // tan
+      heading[j] += spacing * ((beta - beta * beta * beta * (1.0f / 6.0f)) / l_r - curvature);  // sin
+    }
+  }
+  std::copy_n(d, padded, courses->end.begin());
+  std::copy_n(courses->right[kPathNodes - 1], padded, courses->right_on[kPathNodes - 1]);
+  std::copy_n(courses->left[kPathNodes - 1], padded, courses->left_on[kPathNodes - 1]);
+  for (int n = kPathNodes - 2; n >= 0; --n) {
+#pragma omp simd
+    for (int j = 0; j < padded; ++j) {
+      const float right = courses->right[n][j], right_next = courses->right_on[n + 1][j];
+      const float left = courses->left[n][j], left_next = courses->left_on[n + 1][j];
+      courses->right_on[n][j] = right < right_next ? right : right_next;
+      courses->left_on[n][j] = left > left_next ? left : left_next;
+    }
+  }
+}
+
+void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& c, CourseSet* courses) {
+  const int padded = RoundUp(courses->count);
+  const VehicleParams& vehicle = *c.vehicle;
+  const double comfort_decel = std::min(params.driving.comfort_decel, vehicle.max_decel);
+  const auto limits = [&](double gap, double leader_speed) {
+    const double room = gap - vehicle.min_gap;
+    const double safe = SafeSpeed(room, leader_speed, vehicle.max_decel, vehicle.time_gap);
+    return std::pair{std::min(safe, SafeSpeed(room, leader_speed, comfort_decel, vehicle.time_gap)), safe};
+  };
+  const auto [far_comfort, far_safe] = limits(c.far_gap, c.far_speed);
+  std::fill_n(courses->comfort_speed.begin(), padded, static_cast<float>(std::min(c.free_speed, far_comfort)));
+  std::fill_n(courses->safe_speed.begin(), padded, static_cast<float>(far_safe));
+  std::fill_n(courses->clearance.begin(), padded, 1e3f);
+  courses->leader_gap = static_cast<float>(c.far_gap);
+  courses->leader_speed = static_cast<float>(c.far_speed);
+
+  const float margin = static_cast<float>(params.dwa.clearance_margin);
+  for (int m = 0; m < view.obstacle_count; ++m) {
+    const Obstacle& o = view.obstacles[m];
+    const float gap = o.s - o.half_length;
+    if (gap <= 0.0f) continue;
+    const auto [comfort, safe] = limits(gap, std::max(0.0f, o.speed_s));
+    // What moves across sweeps a band until the ego is there.
+    const float drift = o.speed_d * std::min(static_cast<float>(params.dwa.horizon), gap / std::max(1.0f, static_cast<float>(c.speed)));
+    const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift);
+    const float obstacle_left = o.d + o.half_width + std::max(0.0f, drift);
+    const int n = std::min(kPathNodes - 1, static_cast<int>(gap / view.spacing));
+    const float* right = courses->right_on[n];
+    const float* left = courses->left_on[n];
+    const float comfort_speed = static_cast<float>(comfort), safe_speed = static_cast<float>(safe);
+#pragma omp simd
+    for (int j = 0; j < padded; ++j) {
+      const float gap_right = right[j] - obstacle_left, gap_left = obstacle_right - left[j];
+      const float lateral_gap = gap_right > gap_left ? gap_right : gap_left;
+      const bool in_course = lateral_gap < margin;
+      const float comfort_j = courses->comfort_speed[j], safe_j = courses->safe_speed[j], clear_j = courses->clearance[j];
+      courses->comfort_speed[j] = in_course && comfort_speed < comfort_j ? comfort_speed : comfort_j;
+      courses->safe_speed[j] = in_course && safe_speed < safe_j ? safe_speed : safe_j;
+      courses->clearance[j] = !in_course && lateral_gap < clear_j ? lateral_gap : clear_j;
+    }
+    const bool leads = std::max(right[0] - obstacle_left, obstacle_right - left[0]) < margin;
+    if (leads && gap < courses->leader_gap) {
+      courses->leader_gap = gap;
+      courses->leader_speed = std::max(0.0f, o.speed_s);
+    }
+  }
+}
+
+Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scratch) noexcept {
+  CourseSet& courses = scratch->courses;
+  RollOutCourses(params.driving, scratch->view, c, params.dwa.path_samples, &courses);
+  LimitCourseSpeeds(params, scratch->view, c, &courses);
+  const SpeedProfiles profiles = MakeSpeedProfiles(params, c, courses.comfort_speed[0]);
+  CheckBeside(params, c, profiles, scratch);
+
+  const DwaParams& w = params.dwa;
+  const float free_speed = static_cast<float>(std::max(1.0, c.free_speed));
+  const float margin = static_cast<float>(w.clearance_margin), comfort = static_cast<float>(w.clearance_comfort);
+  float best_cost = std::numeric_limits<float>::infinity();
+  Plan plan{-c.vehicle->max_decel, c.d, PlanStatus::kNoFeasibleCommand};
+  for (int j = 0; j < courses.count; ++j) {
+    const float reference = courses.comfort_speed[j];
+    const float path_cost = static_cast<float>(w.path_weight) * std::abs(courses.end[j] - static_cast<float>(c.target_d)) +
+                            static_cast<float>(w.goal_weight) * std::max(0.0f, free_speed - reference) / free_speed;
+    if (path_cost >= best_cost) continue;
+    for (int i = 0; i < profiles.count; ++i) {
+      const float speed = profiles.next_speed[i];
+      const float clearance = std::min(courses.clearance[j], scratch->blocked_clearance[i][j]);
+      if (clearance < margin || speed > courses.safe_speed[j] + 1e-4f) continue;
+      const float cost = path_cost +
+                         static_cast<float>(w.speed_weight) * std::abs(speed - reference) / free_speed +
+                         static_cast<float>(w.clearance_weight) * std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f)) +
+                         static_cast<float>(w.comfort_weight) * std::abs(profiles.accel[i]) / static_cast<float>(c.vehicle->max_decel);
+      if (cost < best_cost) {
+        best_cost = cost;
+        plan = {profiles.accel[i], courses.target[j], PlanStatus::kOk};
+      }
+    }
+  }
+  return plan;
+}
+
+Plan PlanIdm(const AgentParams& params, const PlanContext& c, PlanScratch* scratch) noexcept {
+  CourseSet& courses = scratch->courses;
+  RollOutCourses(params.driving, scratch->view, c, 1, &courses);
+  LimitCourseSpeeds(params, scratch->view, c, &courses);
+  const VehicleParams& vehicle = *c.vehicle;
+  const double accel = IdmAccel(c.speed, c.free_speed, courses.leader_gap, courses.leader_speed, vehicle.max_accel,
+                                params.driving.comfort_decel, vehicle.time_gap, vehicle.min_gap);
+  return {std::clamp(accel, -vehicle.emergency_decel, vehicle.max_accel), c.target_d, PlanStatus::kOk};
+}
+
+}  // namespace lanewise

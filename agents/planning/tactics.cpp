@@ -1,0 +1,262 @@
+#include "agents/planning/tactics.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "agents/planning/car_following.h"
+
+namespace lanewise {
+namespace {
+
+/// [s] an unforced change waits after the last one.
+constexpr float kChangePause = 4.0f;
+/// [m] how far a hazard ahead makes a vehicle leave the lane.
+constexpr double kHazardLookahead = 100.0;
+/// [m/s^2] braking an agent accepts to find a gap for a change it needs.
+constexpr double kAlignDecel = 1.5;
+
+/// The change the route, or something that stands in the lane, asks for.
+struct NeededChange {
+  int side{0};
+  int count{0};
+  double remaining{1e9};  ///< [m] until the lane is of no more use.
+};
+
+/// Everything the decision needs about the ego, gathered once.
+struct Ego {
+  const World& world;
+  const AgentParams& params;
+  AgentIndex row;
+  const Lane& lane;
+  const VehicleParams& vehicle;
+  const RoutePlan& plan;
+  std::size_t position;
+  double s, d, speed, speed_limit;
+
+  const Motion& now() const { return world.traffic->now; }
+  const LaneAdvice& Advice(int side) const { return plan.At(position, lane.index + side); }
+  double HalfSpan() const { return 0.5 * (lane.width - vehicle.width); }
+};
+
+/// Highest speed to follow at, with the ego's comfortable braking.
+double FollowSpeed(const Ego& ego, double gap, double leader_speed, double decel) {
+  return SafeSpeed(gap - ego.vehicle.min_gap, leader_speed, decel, ego.vehicle.time_gap);
+}
+
+/// A cap that brakes no harder than `decel` now.
+double SoftCap(const Ego& ego, double wanted, double decel) {
+  return std::max(wanted, ego.speed - decel * ego.params.driving.response_time);
+}
+
+LaneIndex UsableNeighbor(const Ego& ego, int side) {
+  const LaneIndex neighbor = ego.world.network->Neighbor(static_cast<LaneIndex>(&ego.lane - ego.world.network->lanes.data()), side);
+  return neighbor != kNone && ego.Advice(side).allowed ? neighbor : kNone;
+}
+
+NeededChange FindNeededChange(const Ego& ego, const Leader& leader) {
+  const LaneAdvice& advice = ego.Advice(0);
+  NeededChange needed;
+  int changes = advice.changes;
+  const Traffic& traffic = *ego.world.traffic;
+  if (traffic.stop_lane[ego.row] != kNone) changes = traffic.stop_lane[ego.row] - ego.lane.index;
+  if (changes != 0) {
+    needed = {changes > 0 ? 1 : -1, std::abs(changes), advice.free_distance - ego.s};
+    if (traffic.stop_lane[ego.row] != kNone) needed.remaining = std::min(needed.remaining, traffic.stop_distance[ego.row]);
+  }
+  return needed.remaining < leader.gap ? needed : needed;
+}
+
+/// Room in the target lane: may the ego go in now? `urgency` in [0, 1] asks more of the others.
+bool GapAccepted(const Ego& ego, const Leader& ahead, const Leader& behind, double urgency) {
+  const LaneChangeParams& p = ego.params.lane_change;
+  const double reaction = 0.7 - 0.4 * urgency;
+  const double decel = p.safe_decel + 1.5 * urgency;
+  if (ahead.row != kNone && (ahead.gap < p.min_gap || ego.speed > SafeSpeed(ahead.gap - p.min_gap, ahead.speed, decel, reaction) + 0.3)) {
+    return false;
+  }
+  return behind.row == kNone ||
+         (behind.gap >= p.min_gap && behind.speed <= SafeSpeed(behind.gap - p.min_gap, ego.speed, decel, reaction) + 0.3);
+}
+
+/// MOBIL incentive [m/s^2] for the neighbour lane.
+double Advantage(const Ego& ego, const Leader& leader, const Leader& ahead, const Leader& behind, double limit_there) {
+  const double decel = ego.params.driving.comfort_decel;
+  const VehicleParams& v = ego.vehicle;
+  const auto accel = [&](const Leader& l, double limit) {
+    return std::max(-v.max_decel, IdmAccel(ego.speed, limit, l.gap, l.speed, v.max_accel, decel, v.time_gap, v.min_gap));
+  };
+  double follower_loss = 0.0;
+  if (behind.row != kNone) {
+    const VehicleParams& f = ego.world.traffic->params[behind.row];
+    const double wanted = ego.world.traffic->speed_limit[behind.row];
+    const double gap_now = behind.gap + v.length + std::max(0.0, ahead.gap);
+    const double before = IdmAccel(behind.speed, wanted, gap_now, ahead.speed, f.max_accel, decel, f.time_gap, f.min_gap);
+    const double after = IdmAccel(behind.speed, wanted, behind.gap, ego.speed, f.max_accel, decel, f.time_gap, f.min_gap);
+    follower_loss = std::clamp(before - after, 0.0, 2.0 * f.max_decel);
+  }
+  return accel(ahead, limit_there) - accel(leader, ego.speed_limit) - ego.params.lane_change.politeness * follower_loss;
+}
+
+struct Neighborhood {
+  Leader ahead, behind;
+};
+
+Neighborhood LookBeside(const Ego& ego, LaneIndex neighbor) {
+  const double lookahead = std::max(40.0, 6.0 * ego.speed), lookback = std::max(40.0, 5.0 * ego.speed_limit);
+  return {FindLeaderOnLane(ego.world, ego.row, neighbor, ego.s, lookahead),
+          FindFollowerOnLane(ego.world, ego.row, neighbor, ego.s, lookback)};
+}
+
+/// Lateral distance between the present lane's centre and its neighbour's.
+double Spacing(const Ego& ego, LaneIndex neighbor) { return 0.5 * (ego.lane.width + ego.world.network->lanes[neighbor].width); }
+
+/// The lateral position that passes a standing vehicle within the lane, if there is room; else `fallback`.
+bool PassWithinLane(const Ego& ego, const Leader& hazard, double* target_d) {
+  const Traffic& traffic = *ego.world.traffic;
+  const double need = 0.5 * (traffic.params[hazard.row].width + ego.vehicle.width) + ego.params.driving.pass_clearance;
+  const double hazard_d = traffic.now.d[hazard.row];
+  const double left = hazard_d + need, right = hazard_d - need;
+  const double limit = ego.HalfSpan() - 0.1;
+  const bool left_fits = left <= limit, right_fits = right >= -limit;
+  if (!left_fits && !right_fits) return false;
+  *target_d = left_fits && (!right_fits || std::abs(left - ego.d) <= std::abs(right - ego.d)) ? left : right;
+  return true;
+}
+
+/// Makes room for the nearest vehicle ahead on a neighbour lane that must come over. One vehicle an
+/// edge, so lanes merge like a zipper and nobody starves.
+void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
+  const Traffic& traffic = *ego.world.traffic;
+  const double leader_front = leader.row == kNone ? 1e9 : leader.gap + traffic.params[leader.row].length;
+  for (const int side : {-1, +1}) {
+    const LaneIndex neighbor = ego.world.network->Neighbor(ego.now().lane[ego.row], side);
+    if (neighbor == kNone) continue;
+    for (const Occupant& other : ego.world.occupancy->On(neighbor)) {
+      const double front = other.s - ego.s;
+      if (front <= 0.0 || other.row == ego.row) continue;
+      if (front > 50.0 || front > leader_front) break;
+      const bool asks = traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side && traffic.now.lane[other.row] == neighbor;
+      if (!asks) continue;
+      const std::int32_t number = traffic.number[other.row];
+      if (tactics->yielded_to != kNone && tactics->yielded_to != number) break;
+      tactics->yielded_to = number;
+      const double gap = front - traffic.params[other.row].length;
+      const double decel = ego.params.lane_change.cooperation_decel;
+      tactics->speed_cap = std::min(tactics->speed_cap, SoftCap(ego, FollowSpeed(ego, gap, traffic.now.speed[other.row], decel), decel));
+      break;
+    }
+  }
+}
+
+/// A needed change: how fast one may go while it is not done.
+void PrepareChange(const Ego& ego, const NeededChange& needed, const Neighborhood& beside, double urgency, Tactics* tactics) {
+  const LaneChangeParams& p = ego.params.lane_change;
+  const double reserve = std::min(p.reserve * needed.count, 0.5 * ego.lane.length);
+  // Stop where the lane can still be left, not at its end.
+  tactics->speed_cap = std::min(tactics->speed_cap, SafeSpeed(needed.remaining - reserve, 0.0, ego.params.driving.comfort_decel, 0.5));
+  if (urgency > 0.4 && beside.ahead.row != kNone && ego.speed > 2.0) {
+    const double wanted = std::max(2.0, FollowSpeed(ego, beside.ahead.gap, beside.ahead.speed, ego.params.driving.comfort_decel));
+    tactics->speed_cap = std::min(tactics->speed_cap, SoftCap(ego, wanted, kAlignDecel));
+  }
+}
+
+/// Goes on with, gives up or begins a change to `side`.
+void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& leader, Tactics* tactics) {
+  const LaneChangeParams& p = ego.params.lane_change;
+  const double to_lane_end = ego.lane.length - ego.s;
+  const double lookahead = needed.count * (p.lookahead_time * std::max(ego.speed, 5.0) + p.lookahead_distance);
+  const bool urgent = needed.side != 0 && needed.remaining < lookahead;
+  // Too near to the junction to bring the front across the border before it.
+  const bool too_late = to_lane_end < 3.0 + 1.2 * ego.speed && !(urgent && needed.remaining <= to_lane_end + 1.0);
+
+  const int under_way = ego.now().lane_change[ego.row];
+  if (under_way != 0) {
+    const LaneIndex neighbor = UsableNeighbor(ego, under_way);
+    if (neighbor == kNone || to_lane_end < 1.0 + 0.3 * ego.speed) return;
+    const Neighborhood beside = LookBeside(ego, neighbor);
+    const bool inside = ego.d * under_way > ego.HalfSpan();
+    const bool unsafe = beside.behind.row != kNone && (beside.behind.gap < 0.3 ||
+        beside.behind.speed > SafeSpeed(beside.behind.gap, ego.speed, 6.0, 0.2) + 0.5);
+    if (unsafe && !inside) return;
+    tactics->lane_change = static_cast<std::int8_t>(under_way);
+    tactics->blinker = tactics->lane_change;
+    tactics->urgent = urgent;
+    tactics->target_d = under_way * Spacing(ego, neighbor);
+    if (urgent) PrepareChange(ego, needed, {}, 0.0, tactics);
+    return;
+  }
+
+  if (urgent) {
+    const LaneIndex neighbor = UsableNeighbor(ego, needed.side);
+    const double urgency = std::clamp(1.0 - needed.remaining / lookahead, 0.0, 1.0);
+    tactics->blinker = static_cast<std::int8_t>(needed.side);
+    tactics->urgent = true;
+    Neighborhood beside;
+    if (neighbor != kNone) beside = LookBeside(ego, neighbor);
+    PrepareChange(ego, needed, beside, urgency, tactics);
+    if (neighbor != kNone && !too_late && GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
+      tactics->lane_change = static_cast<std::int8_t>(needed.side);
+      tactics->target_d = needed.side * Spacing(ego, neighbor);
+    }
+    return;
+  }
+
+  if (too_late || ego.now().since_change[ego.row] < kChangePause || ego.speed < 0.5) return;
+  for (const int side : {+1, -1}) {
+    const LaneIndex neighbor = UsableNeighbor(ego, side);
+    if (neighbor == kNone) continue;
+    const LaneAdvice& there = ego.Advice(side);
+    const LaneAdvice& here = ego.Advice(0);
+    const double useful = there.free_distance - ego.s;
+    if (std::abs(there.changes) > 0 && useful < 2.0 * lookahead + 100.0) continue;
+    if (there.free_distance < here.free_distance && useful < 300.0) continue;
+    const Neighborhood beside = LookBeside(ego, neighbor);
+    if (!GapAccepted(ego, beside.ahead, beside.behind, 0.0)) continue;
+    const Lane& lane = ego.world.network->lanes[neighbor];
+    const double limit_there = ego.speed_limit * lane.speed_limit / std::max(1.0, ego.lane.speed_limit);
+    // Keep right where it costs nothing: the left lanes of a fast road are for overtaking.
+    const double bias = ego.lane.speed_limit > 22.0 ? (side < 0 ? -0.25 : 0.1) : 0.0;
+    if (Advantage(ego, leader, beside.ahead, beside.behind, limit_there) > p.gain_threshold + bias) {
+      tactics->lane_change = static_cast<std::int8_t>(side);
+      tactics->blinker = tactics->lane_change;
+      tactics->target_d = side * Spacing(ego, neighbor);
+      return;
+    }
+  }
+}
+
+}  // namespace
+
+Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex row, const WayAhead& way, const Leader& leader) {
+  const Traffic& traffic = *world.traffic;
+  const Lane& lane = world.network->lanes[traffic.now.lane[row]];
+  const Ego ego{world, params, row, lane, traffic.params[row], *traffic.plan[row],
+                static_cast<std::size_t>(traffic.route_position[row]), traffic.now.s[row], traffic.now.d[row],
+                traffic.now.speed[row], traffic.speed_limit[row]};
+  Tactics tactics;
+  tactics.yielded_to = traffic.now.yielded_to[row];
+  const double span = std::max(0.2, ego.HalfSpan() - 0.1);
+  if (!lane.internal && ego.plan.route()[ego.position] == lane.edge) {
+    NeededChange needed = FindNeededChange(ego, leader);
+    if (leader.row != kNone && traffic.hazard[leader.row] && leader.gap < kHazardLookahead &&
+        !PassWithinLane(ego, leader, &tactics.target_d) && leader.gap < needed.remaining) {
+      // The lane ends, for us, at the vehicle that stands in it.
+      const int preferred = needed.side != 0 ? needed.side : +1;
+      for (const int side : {preferred, -preferred}) {
+        if (UsableNeighbor(ego, side) == kNone) continue;
+        needed = {side, 1, leader.gap - 0.3 * params.lane_change.reserve};
+        break;
+      }
+    }
+    DecideChange(ego, needed, leader, &tactics);
+    if (tactics.lane_change == 0) LetIn(ego, leader, &tactics);
+  }
+  if (!way.leads_on) {
+    tactics.speed_cap = std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));
+  }
+  tactics.corridor_min = std::min({-span, tactics.target_d, std::max(ego.d, -lane.width)});
+  tactics.corridor_max = std::max({span, tactics.target_d, std::min(ego.d, lane.width)});
+  return tactics;
+}
+
+}  // namespace lanewise

@@ -1,0 +1,47 @@
+#include "agents/sensing/lane_occupancy.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lanewise {
+
+LaneOccupancy::LaneOccupancy(const RoadNetwork& network)
+    : network_(network), start_(network.lanes.size() + 1), fill_(network.lanes.size() + 1) {}
+
+void LaneOccupancy::Build(const Traffic& traffic) {
+  const Motion& now = traffic.now;
+  // Calls place(lane) for every lane the body of row i reaches into.
+  const auto for_each_lane = [&](std::size_t i, auto&& place) {
+    const LaneIndex lane = now.lane[i];
+    if (lane == kNone) return;
+    place(lane);
+    const double rear_d = now.d[i] - traffic.params[i].length * std::sin(now.heading_error[i]);
+    const double reach = 0.5 * (network_.lanes[lane].width - traffic.params[i].width);
+    const auto place_neighbor = [&](int side) {
+      const LaneIndex neighbor = network_.Neighbor(lane, side);
+      if (neighbor != kNone) place(neighbor);
+    };
+    if (std::max(now.d[i], rear_d) > reach) place_neighbor(+1);
+    if (std::min(now.d[i], rear_d) < -reach) place_neighbor(-1);
+  };
+
+  std::fill(start_.begin(), start_.end(), 0u);
+  for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {
+    for_each_lane(i, [&](LaneIndex lane) { ++start_[lane + 1]; });
+  }
+  for (std::size_t lane = 1; lane < start_.size(); ++lane) start_[lane] += start_[lane - 1];
+  items_.resize(start_.back());
+  std::copy(start_.begin(), start_.end(), fill_.begin());
+  for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {
+    for_each_lane(i, [&](LaneIndex lane) {
+      items_[fill_[lane]++] = {now.s[i], static_cast<AgentIndex>(i)};
+    });
+  }
+  for (std::size_t lane = 0; lane + 1 < start_.size(); ++lane) {
+    if (start_[lane + 1] - start_[lane] < 2) continue;
+    std::sort(items_.begin() + start_[lane], items_.begin() + start_[lane + 1],
+              [](const Occupant& a, const Occupant& b) { return a.s != b.s ? a.s < b.s : a.row < b.row; });
+  }
+}
+
+}  // namespace lanewise

@@ -1,0 +1,195 @@
+#include "agents/sensing/road_view.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "agents/core/geometry.h"
+
+namespace lanewise {
+namespace {
+
+/// The lane a junction's internal lane leads to: its next part, or the lane behind the junction.
+LaneIndex NextOfInternal(const RoadNetwork& network, const Lane& lane) {
+  if (lane.outgoing.empty()) return kNone;
+  const Connection& connection = network.connections[lane.outgoing.front()];
+  return connection.via != kNone ? connection.via : connection.to;
+}
+
+/// The way from position s on `lane`, along the ego's route.
+WayAhead LookAheadFrom(const World& world, AgentIndex ego, LaneIndex lane, double s, double distance) {
+  const RoadNetwork& network = *world.network;
+  const RoutePlan& plan = *world.traffic->plan[ego];
+  std::size_t position = static_cast<std::size_t>(world.traffic->route_position[ego]);
+  WayAhead way;
+  double start = -s;
+  while (true) {
+    way.lanes[way.count++] = {lane, start};
+    start += network.lanes[lane].length;
+    way.length = start;
+    if (start >= distance || way.count == WayAhead::kMaxLanes) return way;
+    const LaneIndex next = NextLane(network, plan, position, lane);
+    if (next == kNone) {
+      way.leads_on = position + 1 >= plan.route().size();
+      return way;
+    }
+    if (!network.lanes[next].internal) ++position;
+    lane = next;
+  }
+}
+
+/// The first vehicle on `way` whose front is ahead of the ego's.
+Leader FirstOnWay(const World& world, AgentIndex ego, const WayAhead& way) {
+  const Traffic& traffic = *world.traffic;
+  for (int k = 0; k < way.count; ++k) {
+    for (const Occupant& occupant : world.occupancy->On(way.lanes[k].lane)) {
+      const double ahead = way.lanes[k].start + occupant.s;
+      if (ahead < 0.0 || (ahead == 0.0 && occupant.row <= ego) || occupant.row == ego) continue;
+      return {occupant.row, ahead - traffic.params[occupant.row].length, traffic.now.speed[occupant.row]};
+    }
+  }
+  return {};
+}
+
+/// The nearest vehicle behind `s` on `lane`, looking back through the lanes that lead here.
+void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback, int depth, Leader* nearest) {
+  const auto occupants = world.occupancy->On(lane);
+  for (auto it = occupants.rbegin(); it != occupants.rend(); ++it) {
+    if (it->row == ego || it->s > s) continue;
+    const double gap = s - it->s;
+    if (gap < nearest->gap) *nearest = {it->row, gap, world.traffic->now.speed[it->row]};
+    return;
+  }
+  if (s >= lookback || depth == 0) return;
+  const RoadNetwork& network = *world.network;
+  for (const std::int32_t index : network.lanes[lane].incoming) {
+    const Connection& connection = network.connections[index];
+    // A connection that runs through an internal lane is followed from that lane, not from here.
+    const bool direct = connection.via == kNone ? connection.to == lane : connection.via == lane;
+    if (!direct) continue;
+    SearchBack(world, ego, connection.from, s + network.lanes[connection.from].length, lookback, depth - 1, nearest);
+  }
+}
+
+void SamplePath(const World& world, const WayAhead& way, double horizon, RoadView* view) {
+  view->spacing = static_cast<float>(horizon / (kPathNodes - 1));
+  int k = 0;
+  for (int n = 0; n < kPathNodes; ++n) {
+    const double ahead = n * static_cast<double>(view->spacing);
+    while (k + 1 < way.count && way.lanes[k + 1].start <= ahead) ++k;
+    const LaneCurve& curve = (*world.curves)[way.lanes[k].lane];
+    const PathPoint point = curve.At(ahead - way.lanes[k].start);
+    if (n == 0) {
+      view->origin_x = point.x;
+      view->origin_y = point.y;
+    }
+    view->x[n] = static_cast<float>(point.x - view->origin_x);
+    view->y[n] = static_cast<float>(point.y - view->origin_y);
+    view->cos_heading[n] = static_cast<float>(std::cos(point.heading));
+    view->sin_heading[n] = static_cast<float>(std::sin(point.heading));
+    view->curvature[n] = static_cast<float>(point.curvature);
+  }
+}
+
+/// Places road user `row` in the frame of the path.
+Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
+  const Traffic& traffic = *world.traffic;
+  const float x = static_cast<float>(world.center_x[row] - view.origin_x);
+  const float y = static_cast<float>(world.center_y[row] - view.origin_y);
+  int nearest = 0;
+  float best = 1e30f;
+  for (int n = 0; n < kPathNodes; ++n) {
+    const float dx = x - view.x[n], dy = y - view.y[n];
+    const float squared = dx * dx + dy * dy;
+    if (squared < best) {
+      best = squared;
+      nearest = n;
+    }
+  }
+  const float c = view.cos_heading[nearest], s = view.sin_heading[nearest];
+  const float dx = x - view.x[nearest], dy = y - view.y[nearest];
+  const float heading_x = static_cast<float>(std::cos(traffic.now.heading[row]));
+  const float heading_y = static_cast<float>(std::sin(traffic.now.heading[row]));
+  const float along = heading_x * c + heading_y * s;   // cos of the relative heading.
+  const float across = heading_y * c - heading_x * s;  // sin of it.
+  const float half_length = static_cast<float>(0.5 * traffic.params[row].length);
+  const float half_width = static_cast<float>(0.5 * traffic.params[row].width);
+  const float speed = static_cast<float>(traffic.now.speed[row]);
+  Obstacle obstacle;
+  obstacle.s = static_cast<float>(nearest) * view.spacing + dx * c + dy * s;
+  obstacle.d = dy * c - dx * s;
+  obstacle.half_length = half_length * std::abs(along) + half_width * std::abs(across);
+  obstacle.half_width = half_length * std::abs(across) + half_width * std::abs(along);
+  obstacle.speed_s = speed * along;
+  obstacle.speed_d = speed * across;
+  obstacle.row = row;
+  obstacle.hazard = traffic.hazard[row] != 0;
+  return obstacle;
+}
+
+/// Keeps the nearest kMaxObstacles.
+void Keep(const Obstacle& obstacle, RoadView* view) {
+  if (view->obstacle_count < kMaxObstacles) {
+    view->obstacles[view->obstacle_count++] = obstacle;
+    return;
+  }
+  auto farthest = std::max_element(view->obstacles.begin(), view->obstacles.end(), [](const Obstacle& a, const Obstacle& b) {
+    return std::abs(a.s) < std::abs(b.s);
+  });
+  if (std::abs(obstacle.s) < std::abs(farthest->s)) *farthest = obstacle;
+}
+
+}  // namespace
+
+LaneIndex NextLane(const RoadNetwork& network, const RoutePlan& plan, std::size_t position, LaneIndex lane) {
+  const Lane& current = network.lanes[lane];
+  if (current.internal) return NextOfInternal(network, current);
+  if (position + 1 >= plan.route().size() || plan.route()[position] != current.edge) return kNone;
+  const LaneAdvice& advice = plan.At(position, current.index);
+  const LaneIndex via = advice.connection == kNone ? kNone : network.connections[advice.connection].via;
+  return via != kNone ? via : advice.next;
+}
+
+WayAhead LookAhead(const World& world, AgentIndex ego, double distance) {
+  return LookAheadFrom(world, ego, world.traffic->now.lane[ego], world.traffic->now.s[ego], distance);
+}
+
+Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way) { return FirstOnWay(world, ego, way); }
+
+Leader FindLeaderOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookahead) {
+  return FirstOnWay(world, ego, LookAheadFrom(world, ego, lane, s, lookahead));
+}
+
+Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback) {
+  Leader follower;
+  SearchBack(world, ego, lane, s, lookback, 6, &follower);
+  follower.gap -= world.traffic->params[ego].length;
+  return follower;
+}
+
+void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic, RoadView* view) {
+  SamplePath(world, way, horizon, view);
+  view->obstacle_count = 0;
+  // One circle around the path ahead: its middle node is the centre.
+  const int middle = kPathNodes / 2;
+  const double center_x = view->origin_x + view->x[middle], center_y = view->origin_y + view->y[middle];
+  const double ego_length = world.traffic->params[ego].length;
+  const double radius = 0.5 * horizon + ego_length + 8.0;
+  const float reach_across = 9.0f;
+  world.grid->ForEachNear(center_x, center_y, radius, [&](AgentIndex row) {
+    if (row == ego) return;
+    const double dx = world.center_x[row] - center_x, dy = world.center_y[row] - center_y;
+    if (dx * dx + dy * dy > radius * radius) return;
+    const Obstacle obstacle = Project(world, row, *view);
+    if (std::abs(obstacle.d) > reach_across + obstacle.half_width) return;
+    if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
+    const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
+    const double speed = world.traffic->now.speed[row];
+    const bool with_us = obstacle.speed_s > 0.5f * static_cast<float>(speed) ||
+                         (speed < 0.1 && std::cos(world.traffic->now.heading[row] -
+                                                  std::atan2(view->sin_heading[0], view->cos_heading[0])) > 0.5);
+    if (!crossing_traffic && !person && !obstacle.hazard && !with_us) return;
+    Keep(obstacle, view);
+  });
+}
+
+}  // namespace lanewise

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "agents/core/types.h"
+
+namespace lanewise {
+
+/// Uniform grid over points, rebuilt each step by counting sort in index order: the content of a
+/// cell, and so every query's order, does not depend on the number of threads. Cells are hashed, so the
+/// memory does not grow with the network's extent; after warm-up Build does not allocate.
+class SpatialGrid {
+ public:
+  explicit SpatialGrid(double cell_size) : cell_size_(cell_size) {}
+
+  /// Indexes points (x[i], y[i]) [m].
+  void Build(std::span<const double> x, std::span<const double> y);
+
+  /// Calls visit(index) once for every point in the cells within `radius` [m] of (x, y): a superset
+  /// of the points within that radius; the caller tests the distance. Indices of one cell come in ascending
+  /// order.
+  template <class Visitor>
+  void ForEachNear(double x, double y, double radius, Visitor&& visit) const;
+
+ private:
+  /// Column or row of a coordinate. Saturates far outside any map (and for NaN), so the cast is defined.
+  std::int32_t CellOf(double coordinate) const {
+    const double scaled = std::fmin(std::fmax(coordinate / cell_size_, -2e9), 2e9);
+    const auto truncated = static_cast<std::int32_t>(scaled);
+    return truncated - (scaled < static_cast<double>(truncated) ? 1 : 0);
+  }
+  /// One number for a cell; the cells of a column are consecutive in ascending row.
+  static std::int64_t Pack(std::int32_t column, std::int32_t row) {
+    return static_cast<std::int64_t>(column) * (std::int64_t{1} << 32) + row;
+  }
+  /// The cells of a column fill consecutive buckets (cyclically): a query reads memory in runs.
+  std::uint32_t BucketOf(std::int32_t column, std::int32_t row) const {
+    std::uint32_t hash = static_cast<std::uint32_t>(column) * 0x9E3779B1u;
+    hash ^= hash >> 15;
+    return (hash + static_cast<std::uint32_t>(row)) & mask_;
+  }
+
+  double cell_size_;
+  std::uint32_t mask_{0};                 // Buckets - 1; buckets are a power of two >= 2 * points.
+  std::vector<std::uint32_t> start_;      // By bucket, length buckets + 1.
+  std::vector<AgentIndex> items_;         // Point indices grouped by bucket.
+  std::vector<std::int64_t> item_cell_;   // Packed cell of each item: hash collisions are skipped by it.
+  std::vector<std::uint32_t> bucket_of_;  // Scratch, by point.
+};
+
+template <class Visitor>
+void SpatialGrid::ForEachNear(double x, double y, double radius, Visitor&& visit) const {
+  if (items_.empty()) return;
+  const std::int32_t first_row = CellOf(y - radius);
+  const std::int32_t last_row = CellOf(y + radius);
+  const std::int64_t rows = static_cast<std::int64_t>(last_row) - first_row + 1;
+  const std::int32_t first_column = CellOf(x - radius);
+  const std::int32_t last_column = CellOf(x + radius);
+  const std::int64_t columns = static_cast<std::int64_t>(last_column) - first_column + 1;
+
+  // A bucket may hold items of other cells: only those of the cells first .. last of this column count.
+  const auto visit_items = [&](std::uint32_t begin, std::uint32_t end, std::int64_t first,
+                               std::int64_t last) {
+    for (std::uint32_t k = begin; k < end; ++k) {
+      if (item_cell_[k] >= first && item_cell_[k] <= last) visit(items_[k]);
+    }
+  };
+  const auto item_count = static_cast<std::uint32_t>(items_.size());
+  // More rows than buckets would meet items twice; beyond the number of items walking them all is cheaper
+  // too.
+  if (rows > item_count || columns > item_count) {
+    for (std::uint32_t k = 0; k < item_count; ++k) {
+      const std::int64_t column = (item_cell_[k] + (std::int64_t{1} << 31)) >> 32;
+      if (column >= first_column && column <= last_column) {
+        visit_items(k, k + 1, Pack(static_cast<std::int32_t>(column), first_row),
+                    Pack(static_cast<std::int32_t>(column), last_row));
+      }
+    }
+    return;
+  }
+  for (std::int32_t column = first_column; column <= last_column; ++column) {
+    const std::int64_t first = Pack(column, first_row);
+    const std::int64_t last = Pack(column, last_row);
+    const std::uint32_t begin = BucketOf(column, first_row);
+    const std::uint32_t end = BucketOf(column, last_row) + 1;
+    if (begin < end) {
+      visit_items(start_[begin], start_[end], first, last);
+    } else {  // Around the end of the table.
+      visit_items(start_[begin], item_count, first, last);
+      visit_items(0, start_[end], first, last);
+    }
+  }
+}
+
+}  // namespace lanewise

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "agents/control/pid.h"
+#include "agents/core/types.h"
+#include "agents/network/route_plan.h"
+#include "agents/vehicle/vehicle_params.h"
+
+namespace lanewise {
+
+/// Avoidance policy of a vehicle.
+enum class Policy : std::uint8_t { kSumo, kIdm, kDwa };
+inline constexpr std::string_view kPolicyNames[] = {"sumo", "idm", "dwa"};
+
+/// What changes of a vehicle from step to step: column i of every vector is row i of Traffic.
+/// A step reads `now` and writes `next`; agent i writes only row i.
+struct Motion {
+  std::vector<LaneIndex> lane;        ///< Lane of the front bumper; kNone while off the road (teleporting).
+  std::vector<double> s;              ///< [m] front bumper on the lane, SUMO's position.
+  std::vector<double> d;              ///< [m] front bumper left of the lane's reference path.
+  std::vector<double> heading_error;  ///< [rad] heading minus path tangent.
+  std::vector<double> speed;          ///< [m/s] of the front bumper's middle.
+  std::vector<double> accel;          ///< [m/s^2] realised by the powertrain.
+  std::vector<double> speed_ref;      ///< [m/s] the plan's speed for this moment; the speed PID works on the difference.
+  std::vector<double> steering_angle; ///< [rad] realised at the road wheel.
+  std::vector<double> x, y, heading;  ///< World pose of the front bumper's middle [m, m, rad].
+  std::vector<double> curvature;      ///< [1/m] of the reference path at s.
+  std::vector<std::int8_t> lane_change;   ///< Side of the lane change under way: +1 left, -1 right, 0 none.
+  std::vector<std::int8_t> blinker;       ///< Side the vehicle asks for (seen by others): +1, -1, 0.
+  std::vector<std::uint8_t> urgent;       ///< The asked change is needed to follow the route.
+  std::vector<float> since_change;        ///< [s] since the last lane change ended.
+  std::vector<std::int32_t> yielded_to;   ///< Vehicle number last let in on this edge; kNone if none.
+  std::vector<PidState> speed_pid, steering_pid;
+
+  void Resize(std::size_t n);
+  /// Moves row `from` to row `to` (a vehicle left; the last row takes its place).
+  void MoveRow(std::size_t from, std::size_t to);
+};
+
+/// All road users of a step. The first vehicle_count rows are vehicles, the rest persons.
+struct Traffic {
+  std::size_t vehicle_count{0};
+  // Set once per vehicle.
+  std::vector<std::int32_t> number;     ///< Running number in the run: key in the results.
+  std::vector<Policy> policy;
+  std::vector<VehicleParams> params;
+  std::vector<const RoutePlan*> plan;   ///< Null for vehicles without a road route (rail, ships) and persons.
+  // Set by the coupling in each step.
+  std::vector<std::int32_t> route_position;  ///< Route edge the vehicle is on, or has just left (in junctions).
+  std::vector<std::uint8_t> driven;          ///< Its agent drives it in this step.
+  std::vector<std::uint8_t> hazard;          ///< Stands at a planned stop on the road, or is broken down: hazard lights.
+  std::vector<double> stop_distance;         ///< [m] to the next planned stop; huge if none.
+  std::vector<std::int32_t> stop_lane;       ///< Lane number of the planned stop on the present edge; kNone if none.
+  std::vector<double> speed_limit;           ///< [m/s] wanted here: limit x speed factor, at most the type's maximum.
+  Motion now, next;
+
+  std::size_t size() const { return number.size(); }
+  void Resize(std::size_t n);
+  void RemoveRow(std::size_t row);
+};
+
+/// What an agent asks of the simulation for one step.
+struct Commands {
+  std::vector<double> lane_speed;       ///< [m/s] progress along SUMO's lane.
+  std::vector<std::int8_t> change_lane; ///< The front crosses into the neighbour lane in this step: +1, -1, 0.
+  std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
+  void Resize(std::size_t n);
+};
+
+/// [B] of memory a vehicle's row takes in Traffic (both motions) and Commands.
+std::size_t AgentStateBytes();
+
+}  // namespace lanewise

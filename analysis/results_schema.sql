@@ -1,0 +1,227 @@
+-- The one place of Lanewise's results schema; embedded into the binary. Columns carry their units, times are
+-- simulated seconds unless named otherwise, an undefined value is NULL. A change that readers notice raises
+-- user_version (and kSchemaVersion in results_file.h).
+
+PRAGMA application_id = 0x4C414E45;  -- 'LANE': marks a Lanewise results file.
+PRAGMA user_version = 1;
+
+-- One row a run: what was run, on what, and how it ended. status 'running' with no process behind it: killed.
+CREATE TABLE run (
+  run_id INTEGER PRIMARY KEY,
+  started_at TEXT NOT NULL,            -- UTC, ISO 8601.
+  finished_at TEXT,
+  status TEXT NOT NULL CHECK (status IN ('running', 'finished', 'interrupted', 'failed')),
+  message TEXT,                        -- Why it was interrupted or failed.
+  scenario TEXT NOT NULL,
+  config_file TEXT NOT NULL,
+  policy TEXT NOT NULL,                -- As asked for; what drove in fact: table policy_share.
+  rules TEXT NOT NULL,                 -- Who answers for signals and right of way: 'agent' or 'sumo'.
+  seed INTEGER NOT NULL,
+  begin_s REAL NOT NULL,
+  end_s REAL,                          -- As asked for; NULL: until all have arrived.
+  step_length_s REAL NOT NULL,
+  threads INTEGER NOT NULL,
+  sumo_options TEXT NOT NULL,
+  parameters_json TEXT NOT NULL,
+  input_hashes_json TEXT NOT NULL,     -- File to hash.
+  lanewise_version TEXT NOT NULL,
+  git_commit TEXT NOT NULL,
+  sumo_version TEXT NOT NULL,
+  compiler TEXT NOT NULL,
+  machine TEXT NOT NULL,
+  wall_time_s REAL,                    -- From here on NULL until the run has ended.
+  sumo_time_s REAL,                    -- Wall time within SUMO.
+  simulated_time_s REAL,
+  steps INTEGER,
+  vehicle_steps INTEGER,
+  agent_steps INTEGER,
+  inserted INTEGER,
+  arrived INTEGER,
+  teleported INTEGER,
+  vaporized INTEGER,
+  still_running INTEGER,
+  not_inserted INTEGER,                -- Waiting for insertion at the end.
+  trajectory_rows INTEGER,
+  state_hash TEXT                      -- 16 hex digits; equal for every number of threads.
+);
+
+-- The running numbers' meaning: every vehicle and pedestrian that entered.
+CREATE TABLE vehicle (
+  run_id INTEGER NOT NULL REFERENCES run,
+  vehicle_number INTEGER NOT NULL,
+  vehicle_id TEXT NOT NULL,            -- SUMO's id.
+  type TEXT NOT NULL,
+  vclass TEXT NOT NULL,
+  policy TEXT NOT NULL,
+  depart_s REAL NOT NULL,
+  depart_delay_s REAL NOT NULL,
+  length_m REAL NOT NULL,
+  width_m REAL NOT NULL,
+  PRIMARY KEY (run_id, vehicle_number)
+) WITHOUT ROWID;
+
+-- The lane numbers' meaning in other tables.
+CREATE TABLE lane (
+  run_id INTEGER NOT NULL REFERENCES run,
+  lane INTEGER NOT NULL,
+  lane_id TEXT NOT NULL,               -- SUMO's id.
+  PRIMARY KEY (run_id, lane)
+) WITHOUT ROWID;
+
+-- One row a trip, written when it ends. Sums as in SUMO's tripinfo output.
+CREATE TABLE trip (
+  run_id INTEGER NOT NULL REFERENCES run,
+  vehicle_number INTEGER NOT NULL,
+  trip_end TEXT NOT NULL,              -- arrived, vaporized, teleported; running: the run ended first.
+  depart_s REAL NOT NULL,
+  arrival_s REAL,
+  duration_s REAL NOT NULL,
+  depart_delay_s REAL NOT NULL,
+  route_length_m REAL NOT NULL,
+  waiting_time_s REAL NOT NULL,
+  waiting_count INTEGER NOT NULL,
+  stop_time_s REAL NOT NULL,
+  time_loss_s REAL NOT NULL,
+  max_accel_mps2 REAL,
+  max_decel_mps2 REAL,                 -- A magnitude.
+  max_jerk_mps3 REAL,
+  rms_jerk_mps3 REAL,
+  max_lateral_accel_mps2 REAL,
+  hard_braking_count INTEGER NOT NULL,
+  co2_mg REAL NOT NULL,
+  nox_mg REAL NOT NULL,
+  pmx_mg REAL NOT NULL,
+  fuel_mg REAL NOT NULL,
+  electricity_wh REAL NOT NULL,
+  steps INTEGER NOT NULL,
+  agent_steps INTEGER NOT NULL,        -- Of these, with our agent at the wheel.
+  min_ttc_s REAL,                      -- NULL: never below the encounter threshold.
+  PRIMARY KEY (run_id, vehicle_number)
+) WITHOUT ROWID;
+
+-- Sampled states in order of time. A finished run N has the index trajectory_of_run_N on (vehicle_number, time_s);
+-- SQLite uses it for queries that name the run by a literal: WHERE run_id = 3 AND vehicle_number = ?.
+CREATE TABLE trajectory (
+  run_id INTEGER NOT NULL,
+  time_s REAL NOT NULL,
+  vehicle_number INTEGER NOT NULL,
+  x_m REAL NOT NULL,                   -- Middle of the front bumper, world.
+  y_m REAL NOT NULL,
+  heading_rad REAL NOT NULL,           -- Counter-clockwise from east.
+  speed_mps REAL NOT NULL,
+  accel_mps2 REAL,
+  lane INTEGER,
+  lane_pos_m REAL,
+  lateral_offset_m REAL                -- Left of the lane's center.
+);
+
+-- Contacts of two boxes, one row a contact; see analysis/README.md for who strikes.
+CREATE TABLE collision (
+  collision_id INTEGER PRIMARY KEY,
+  run_id INTEGER NOT NULL REFERENCES run,
+  first_vehicle INTEGER NOT NULL,      -- vehicle_number; the lower one.
+  second_vehicle INTEGER NOT NULL,
+  striking_vehicle INTEGER,            -- NULL: both stood.
+  struck_vehicle INTEGER,
+  first_agent INTEGER NOT NULL,        -- Agent-driven at first touch.
+  second_agent INTEGER NOT NULL,
+  striking_agent INTEGER NOT NULL,
+  begin_s REAL NOT NULL,
+  end_s REAL NOT NULL,
+  x_m REAL NOT NULL,
+  y_m REAL NOT NULL,
+  first_lane INTEGER,
+  second_lane INTEGER,
+  in_junction INTEGER NOT NULL,
+  first_speed_mps REAL NOT NULL,
+  second_speed_mps REAL NOT NULL,
+  closing_speed_mps REAL NOT NULL,
+  max_depth_m REAL NOT NULL
+);
+CREATE INDEX collision_of_run ON collision (run_id);
+
+-- Pairs that came close in time, one row while their TTC stayed below the encounter threshold.
+CREATE TABLE encounter (
+  encounter_id INTEGER PRIMARY KEY,
+  run_id INTEGER NOT NULL REFERENCES run,
+  first_vehicle INTEGER NOT NULL,      -- vehicle_number; the lower one.
+  second_vehicle INTEGER NOT NULL,
+  first_agent INTEGER NOT NULL,        -- Agent-driven at the smallest TTC.
+  second_agent INTEGER NOT NULL,
+  begin_s REAL NOT NULL,
+  end_s REAL NOT NULL,
+  min_ttc_s REAL NOT NULL,
+  min_ttc_time_s REAL NOT NULL,
+  x_m REAL NOT NULL,
+  y_m REAL NOT NULL,
+  first_lane INTEGER,
+  second_lane INTEGER,
+  in_junction INTEGER NOT NULL,
+  contact INTEGER NOT NULL,            -- They touched: also in table collision.
+  near_miss INTEGER NOT NULL           -- Below the near-miss threshold without contact.
+);
+CREATE INDEX encounter_of_run ON encounter (run_id);
+
+-- The whole network once a simulated second.
+CREATE TABLE step_summary (
+  run_id INTEGER NOT NULL REFERENCES run,
+  time_s REAL NOT NULL,
+  running INTEGER NOT NULL,
+  halting INTEGER NOT NULL,
+  waiting_to_insert INTEGER NOT NULL,
+  arrived INTEGER NOT NULL,            -- Since the begin.
+  agent_driven INTEGER NOT NULL,
+  mean_speed_mps REAL,                 -- NULL: no vehicle.
+  wall_time_s REAL,
+  PRIMARY KEY (run_id, time_s)
+) WITHOUT ROWID;
+
+-- Did SUMO do what the agents commanded? Differences by cause.
+CREATE TABLE audit (
+  run_id INTEGER NOT NULL REFERENCES run,
+  cause TEXT NOT NULL,
+  count INTEGER NOT NULL,
+  max_position_error_m REAL,
+  max_speed_error_mps REAL,
+  PRIMARY KEY (run_id, cause)
+) WITHOUT ROWID;
+
+-- Who drove in fact.
+CREATE TABLE policy_share (
+  run_id INTEGER NOT NULL REFERENCES run,
+  policy TEXT NOT NULL,
+  vehicles INTEGER NOT NULL,
+  vehicle_steps INTEGER NOT NULL,
+  agent_steps INTEGER NOT NULL,
+  PRIMARY KEY (run_id, policy)
+) WITHOUT ROWID;
+
+-- One row a run for comparisons. Trip means are over arrived vehicles; distance and emissions over all.
+CREATE VIEW v_run_summary AS
+SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, run.started_at,
+       run.simulated_time_s, run.wall_time_s, run.inserted, run.still_running, run.not_inserted, run.teleported,
+       run.trajectory_rows, run.state_hash,
+       COALESCE(t.arrived, 0) AS arrived, t.mean_duration_s, t.mean_time_loss_s, t.mean_waiting_time_s,
+       t.mean_depart_delay_s, COALESCE(t.hard_braking_count, 0) AS hard_braking_count,
+       COALESCE(t.distance_km, 0.0) AS distance_km, COALESCE(t.co2_kg, 0.0) AS co2_kg,
+       1e3 * t.co2_kg / NULLIF(t.distance_km, 0.0) AS co2_g_per_km,
+       COALESCE(c.collisions, 0) AS collisions,
+       COALESCE(c.agent_striking_outside_junctions, 0) AS agent_striking_outside_junctions,
+       COALESCE(c.collisions_in_junctions, 0) AS collisions_in_junctions,
+       COALESCE(e.encounters, 0) AS encounters, COALESCE(e.near_misses, 0) AS near_misses, e.min_ttc_s
+FROM run
+LEFT JOIN (SELECT run_id, SUM(trip_end = 'arrived') AS arrived,
+                  AVG(CASE WHEN trip_end = 'arrived' THEN duration_s END) AS mean_duration_s,
+                  AVG(CASE WHEN trip_end = 'arrived' THEN time_loss_s END) AS mean_time_loss_s,
+                  AVG(CASE WHEN trip_end = 'arrived' THEN waiting_time_s END) AS mean_waiting_time_s,
+                  AVG(CASE WHEN trip_end = 'arrived' THEN depart_delay_s END) AS mean_depart_delay_s,
+                  SUM(hard_braking_count) AS hard_braking_count,
+                  SUM(route_length_m) / 1e3 AS distance_km, SUM(co2_mg) / 1e6 AS co2_kg
+           FROM trip GROUP BY run_id) AS t ON t.run_id = run.run_id
+LEFT JOIN (SELECT run_id, COUNT(*) AS collisions,
+                  SUM(striking_agent AND NOT in_junction) AS agent_striking_outside_junctions,
+                  SUM(in_junction) AS collisions_in_junctions
+           FROM collision GROUP BY run_id) AS c ON c.run_id = run.run_id
+LEFT JOIN (SELECT run_id, COUNT(*) AS encounters, SUM(near_miss) AS near_misses, MIN(min_ttc_s) AS min_ttc_s
+           FROM encounter GROUP BY run_id) AS e ON e.run_id = run.run_id
+ORDER BY run.run_id;

@@ -1,0 +1,170 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "agents/core/geometry.h"
+#include "agents/core/types.h"
+#include "agents/sensing/spatial_grid.h"
+#include "analysis/traffic_frame.h"
+
+namespace lanewise {
+
+struct SafetyParams {
+  double ttc_encounter{3.0};    ///< [s] a pair below it has an encounter (SUMO's SSM default).
+  double ttc_near_miss{1.5};    ///< [s] an encounter below it, without contact, is a near miss.
+  double separation_time{2.0};  ///< [s] apart for less than this: still the same contact or encounter.
+  double contact_depth{
+      0.001};  ///< [m] boxes overlapping by more are in contact: above rounding, below relevance.
+  double standing_speed{0.1};  ///< [m/s] slower vehicles never strike.
+  double front_zone{0.25};  ///< Leading part of a box, ratio of its length, in which a hit counts as frontal.
+};
+
+/// One contact of a pair, from the first overlap of the boxes until they stay apart.
+struct Contact {
+  std::int32_t first{kNone};  ///< Vehicle number; first < second.
+  std::int32_t second{kNone};
+  std::int32_t striking{kNone};  ///< first, second, or kNone if both stood. See ChooseStriking.
+  bool first_agent{false};       ///< Agent-driven at first touch.
+  bool second_agent{false};
+  double begin{0.0};      ///< [s] first step with overlap.
+  double end{0.0};        ///< [s] last step with overlap.
+  double x{0.0}, y{0.0};  ///< [m] middle of the touching region at first touch.
+  LaneIndex first_lane{kNone};
+  LaneIndex second_lane{kNone};
+  bool in_junction{false};  ///< Either of them was at first touch.
+  double first_speed{0.0};  ///< [m/s] at first touch.
+  double second_speed{0.0};
+  double closing_speed{0.0};  ///< [m/s] relative speed along the contact normal at first touch, >= 0.
+  double max_depth{0.0};      ///< [m] largest penetration over the contact.
+
+  bool striking_agent() const {
+    return striking != kNone && (striking == first ? first_agent : second_agent);
+  }
+};
+
+/// One encounter of a pair: the time during which its TTC is below SafetyParams::ttc_encounter.
+struct Encounter {
+  std::int32_t first{kNone};  ///< Vehicle number; first < second.
+  std::int32_t second{kNone};
+  bool first_agent{false};  ///< Agent-driven at min_ttc_time.
+  bool second_agent{false};
+  double begin{0.0};                                        ///< [s]
+  double end{0.0};                                          ///< [s] last step below the threshold.
+  double min_ttc{std::numeric_limits<double>::infinity()};  ///< [s]; 0 if they touched.
+  double min_ttc_time{0.0};  ///< [s] simulated time of it (the first, if several).
+  double x{0.0}, y{0.0};     ///< [m] midway between both front bumpers at that time.
+  LaneIndex first_lane{kNone};
+  LaneIndex second_lane{kNone};
+  bool in_junction{false};  ///< Either of them was at that time.
+  bool contact{false};      ///< The boxes touched.
+  bool near_miss{false};    ///< min_ttc below ttc_near_miss and no contact.
+};
+
+/// Watches all pairs of road users on their true 2-D poses. TTC: time until the boxes touch if both keep
+/// velocity and heading. Pedestrian pairs and pairs both standing at planned stops are no traffic conflict:
+/// skipped. The result does not depend on the number of threads nor on the order of the rows.
+class SafetyMonitor {
+ public:
+  explicit SafetyMonitor(SafetyParams params = {}) : params_(params) {}
+
+  /// Call once per step, in order of time.
+  void Observe(const TrafficFrame& frame);
+
+  /// Smallest TTC [s] of each row of the last frame; infinity = none below ttc_encounter.
+  std::span<const double> row_ttc() const { return row_ttc_; }
+
+  /// Ends everything that is still open: at the end of the run.
+  void Finish();
+
+  /// Closed events since the last call, in order of closing; the monitor forgets them.
+  std::vector<Contact> TakeFinishedContacts();
+  std::vector<Encounter> TakeFinishedEncounters();
+
+  /// Contacts begun since the start of the run, open ones included.
+  std::int64_t contact_count() const { return contact_count_; }
+
+ private:
+  /// Circle around all that a row sweeps within ttc_encounter. Small: the search reads many of them.
+  struct Sweep {
+    double x, y;    // [m] middle of the swept path.
+    double radius;  // [m]
+  };
+  /// What the finer tests read of a row, side by side in memory.
+  struct Body {
+    double x, y;                     // [m] center of the box.
+    double vx, vy;                   // [m/s]
+    double ux, uy;                   // Unit vector of the heading.
+    double half_length, half_width;  // [m]
+    double radius;                   // [m] of the circumscribed circle.
+  };
+  struct ClosePair {
+    std::int32_t first, second;  // Vehicle numbers, first < second.
+    std::int32_t first_row, second_row;
+    double ttc;    // [s]
+    double depth;  // [m] > contact_depth: in contact.
+  };
+
+  void PrepareBodies(const TrafficFrame& frame);
+  void FindClosePairs(const TrafficFrame& frame);
+  void FindPartners(const TrafficFrame& frame, std::size_t i, std::vector<ClosePair>* found) const;
+  bool MayTouch(const Body& a, const Body& b) const;
+  void UpdateContact(const TrafficFrame& frame, const ClosePair& pair);
+  void UpdateEncounter(const TrafficFrame& frame, const ClosePair& pair);
+  void CloseUntil(double last_seen);
+
+  SafetyParams params_;
+  SpatialGrid grid_{25.0};
+  double step_length_{0.0};  // [s] between the last two frames.
+  double last_time_{0.0};
+  bool observed_{false};
+  std::vector<Sweep> sweeps_;
+  std::vector<Body> bodies_;
+  std::vector<double> sweep_x_, sweep_y_;  // The grid's columns.
+  std::vector<std::vector<ClosePair>> found_by_thread_;
+  std::vector<ClosePair> close_pairs_;
+  std::vector<double> row_ttc_;
+  std::unordered_map<std::uint64_t, Contact> open_contacts_;      // By pair.
+  std::unordered_map<std::uint64_t, Encounter> open_encounters_;  // By pair.
+  std::vector<Contact> finished_contacts_;
+  std::vector<Encounter> finished_encounters_;
+  std::int64_t contact_count_{0};
+};
+
+/// A vehicle at the moment of first touch.
+struct TouchingVehicle {
+  Footprint footprint;
+  Point2 velocity;  ///< [m/s] world.
+  bool agent_driven{false};
+};
+
+struct Touch {
+  Point2 point;               ///< [m] middle of the touching region.
+  Point2 normal;              ///< Unit vector from a to b: the direction that separates them soonest.
+  double closing_speed{0.0};  ///< [m/s] relative speed along the normal, >= 0.
+};
+
+/// Where and how two boxes touch that just overlap.
+Touch DescribeTouch(const TouchingVehicle& a, const TouchingVehicle& b);
+
+/// Which of two touching vehicles struck the other: 0 = a, 1 = b, kNone.
+/// 1. A vehicle slower than standing_speed never strikes; if both stand, none does.
+/// 2. Striking is who could still have braked. A vehicle qualifies if, at first touch, the touching region
+/// lies
+///    in the leading front_zone of its box (leading in its direction of motion) and it gains on the other:
+///    along its own axis it is the faster. So the follower strikes in a rear-end contact, who runs into the
+///    flank of a crossing vehicle strikes, and a vehicle whose front corner is clipped by a faster one
+///    cutting in does not.
+/// 3. Both qualify (head-on, or crossing with both fronts in it): the agent-driven one; if both or none are
+///    agents, the one with the higher speed along the contact normal towards the other, who entered more
+///    frontally.
+/// 4. None qualifies (side-swipe): the one that moves faster along the normal towards the other; for flank on
+///    flank that is the greater lateral velocity.
+/// Equal in every respect: a, which SafetyMonitor makes the lower vehicle number.
+std::int32_t ChooseStriking(const TouchingVehicle& a, const TouchingVehicle& b, const Touch& touch,
+                            const SafetyParams& params);
+
+}  // namespace lanewise

@@ -1,0 +1,491 @@
+#include "libsumo_bridge/vehicle_bridge.h"
+
+#include <libsumo/libsumo.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "agents/core/check.h"
+#include "agents/sensing/road_view.h"
+#include "libsumo_bridge/sumo_frame.h"
+
+namespace lanewise {
+namespace {
+
+using SumoVehicle = libsumo::Vehicle;
+
+// Bits of Vehicle::setSpeedMode: every check on, and every check off (bit 5 switches the one inside junctions off).
+constexpr int kAllChecks = 31;
+constexpr int kNoChecks = 32;
+// Vehicle::setLaneChangeMode: SUMO changes lanes by itself (its default), and never.
+constexpr int kSumoLaneChanges = 1621;
+constexpr int kNoLaneChanges = 0;
+
+constexpr double kFar = 1e9;
+constexpr double kLaneEndZone = 10.0;  // [m]
+constexpr double kStandingSpeed = 0.1;  // [m/s]
+constexpr double kStopMargin = 20.0;  // [m] beyond braking distance at which a planned stop is SUMO's.
+
+/// Classes whose motion is not a road vehicle's: they stay with SUMO.
+bool IsRoadVehicle(const std::string& vehicle_class) {
+  for (const char* other : {"rail", "rail_urban", "rail_electric", "rail_fast", "tram", "ship", "pedestrian"}) {
+    if (vehicle_class == other) return false;
+  }
+  return true;
+}
+
+VehicleParams ReadParams(const std::string& id, const std::string& vehicle_class) {
+  VehicleParams params;
+  params.length = SumoVehicle::getLength(id);
+  params.width = SumoVehicle::getWidth(id);
+  params.min_gap = SumoVehicle::getMinGap(id);
+  params.max_accel = SumoVehicle::getAccel(id);
+  params.max_decel = SumoVehicle::getDecel(id);
+  params.emergency_decel = std::max(params.max_decel, SumoVehicle::getEmergencyDecel(id));
+  params.time_gap = SumoVehicle::getTau(id);
+  params.max_speed = SumoVehicle::getMaxSpeed(id);
+  params.speed_factor = SumoVehicle::getSpeedFactor(id);
+  AxlesAndActuators(vehicle_class, &params);
+  return params;
+}
+
+bool HasConflicts(const RoadNetwork& network, const Connection& connection) {
+  if (connection.signal != kNone) return true;
+  if (connection.junction == kNone || connection.request == kNone) return false;
+  const RightOfWay& request = network.junctions[connection.junction].requests[connection.request];
+  const auto any = [](const std::vector<bool>& bits) { return std::find(bits.begin(), bits.end(), true) != bits.end(); };
+  return any(request.response) || any(request.foes);
+}
+
+}  // namespace
+
+Policy ParsePolicy(std::string_view name, std::string_view origin) {
+  for (std::size_t i = 0; i < std::size(kPolicyNames); ++i) {
+    if (kPolicyNames[i] == name) return static_cast<Policy>(i);
+  }
+  throw ConfigError(fmt::format("{}: unknown policy '{}'; allowed: sumo, idm, dwa", origin, name));
+}
+
+VehicleBridge::VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params,
+                             Policy default_policy, Rules rules)
+    : network_(network), curves_(curves), params_(params), default_policy_(default_policy), rules_(rules),
+      lane_guarded_(network.lanes.size()) {
+  for (const Connection& connection : network.connections) {
+    if (!HasConflicts(network, connection)) continue;
+    if (!network.lanes[connection.from].internal) lane_guarded_[connection.from] = true;
+    for (LaneIndex via = connection.via; via != kNone;) {
+      lane_guarded_[via] = true;
+      const Lane& lane = network.lanes[via];
+      via = lane.outgoing.empty() ? kNone : network.connections[lane.outgoing.front()].via;
+    }
+  }
+}
+
+Policy VehicleBridge::PolicyOf(const std::string& id, const std::string& type, const std::string& vehicle_class) {
+  if (!IsRoadVehicle(vehicle_class)) return Policy::kSumo;
+  const auto [it, fresh] = type_policy_.try_emplace(type);
+  if (fresh) it->second = libsumo::VehicleType::getParameter(type, "lanewise.policy");
+  const std::string own = SumoVehicle::getParameter(id, "lanewise.policy");
+  if (!own.empty()) return ParsePolicy(own, fmt::format("vehicle '{}', param lanewise.policy", id));
+  if (!it->second.empty()) return ParsePolicy(it->second, fmt::format("vType '{}', param lanewise.policy", type));
+  return default_policy_;
+}
+
+const RoutePlan* VehicleBridge::PlanFor(const std::vector<std::string>& edges, VehicleClassMask vehicle_class) {
+  std::vector<EdgeIndex> route;
+  for (const std::string& id : edges) {
+    const EdgeIndex edge = network_.FindEdge(id);
+    if (edge == kNone) return nullptr;
+    route.push_back(edge);
+  }
+  if (route.empty()) return nullptr;
+  std::unique_ptr<RoutePlan>& plan = plans_[{route, vehicle_class}];
+  if (!plan) plan = std::make_unique<RoutePlan>(network_, route, vehicle_class);
+  return plan.get();
+}
+
+void VehicleBridge::Read(double time, double dt, Traffic* traffic) {
+  traffic->Resize(traffic->vehicle_count);  // Persons are listed anew below.
+  std::swap(traffic->now, traffic->next);
+  new_vehicles_.clear();
+  gone_.clear();
+  ++step_;
+  teleports_ += libsumo::Simulation::getStartingTeleportNumber();
+  emergency_stops_ += libsumo::Simulation::getEmergencyStoppingVehiclesNumber();
+
+  for (const std::string& id : libsumo::Simulation::getArrivedIDList()) {
+    const auto it = row_of_.find(id);
+    if (it != row_of_.end()) RemoveVehicle(it->second, true, traffic);
+  }
+  const std::size_t known = traffic->vehicle_count;
+  for (const std::string& id : libsumo::Simulation::getDepartedIDList()) AddVehicle(id, time, traffic);
+  for (std::size_t row = 0; row < traffic->vehicle_count;) {
+    if (ReadVehicle(row, time, dt, traffic)) {
+      ++row;
+    } else {
+      RemoveVehicle(row, false, traffic);  // Gone without arriving.
+    }
+  }
+  for (std::size_t row = std::min(known, traffic->vehicle_count); row < traffic->vehicle_count; ++row) {
+    new_vehicles_.push_back(static_cast<std::int32_t>(row));
+  }
+  guarded_.resize(traffic->vehicle_count);
+  for (std::size_t row = 0; row < traffic->vehicle_count; ++row) {
+    guarded_[row] = traffic->driven[row] && NeedsGuard(row, *traffic);
+  }
+  ReadPersons(traffic);
+}
+
+void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traffic) {
+  const std::size_t row = traffic->vehicle_count++;
+  traffic->Resize(traffic->vehicle_count);
+  records_.resize(traffic->vehicle_count);
+  coupled_.resize(traffic->vehicle_count);
+  emissions_.resize(traffic->vehicle_count);
+  row_of_[id] = row;
+  Coupled& coupled = coupled_[row] = {};
+  VehicleRecord& record = records_[row];
+  record = {id, SumoVehicle::getTypeID(id), SumoVehicle::getVehicleClass(id), time, 0.0};
+  coupled.class_mask = VehicleClassBit(record.vehicle_class);
+
+  traffic->number[row] = next_number_++;
+  traffic->params[row] = ReadParams(id, record.vehicle_class);
+  traffic->policy[row] = PolicyOf(id, record.type, record.vehicle_class);
+  traffic->driven[row] = 0;
+  traffic->hazard[row] = 0;
+  traffic->speed_limit[row] = SumoVehicle::getAllowedSpeed(id);
+  traffic->stop_distance[row] = kFar;
+  traffic->stop_lane[row] = kNone;
+  Motion& now = traffic->now;
+  now.lane[row] = kNone;
+  now.speed[row] = 0.0;
+  now.heading[row] = 0.0;
+  now.since_change[row] = 0.0f;
+  now.yielded_to[row] = kNone;
+  Replan(row, traffic);
+  for (const auto& stop : SumoVehicle::getStops(id)) coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
+  if (traffic->policy[row] == Policy::kSumo || traffic->plan[row] == nullptr) {
+    traffic->policy[row] = Policy::kSumo;
+    return;
+  }
+  SumoVehicle::setLaneChangeMode(id, kNoLaneChanges);
+  SumoVehicle::setSpeedMode(id, kAllChecks);
+  coupled.checks_on = true;
+}
+
+void VehicleBridge::RemoveVehicle(std::size_t row, bool arrived, Traffic* traffic) {
+  gone_.push_back({traffic->number[row], arrived});
+  row_of_.erase(records_[row].id);
+  const std::size_t last = traffic->vehicle_count - 1;
+  if (row != last) {
+    records_[row] = std::move(records_[last]);
+    coupled_[row] = std::move(coupled_[last]);
+    emissions_[row] = emissions_[last];
+    row_of_[records_[row].id] = row;
+  }
+  records_.pop_back();
+  coupled_.pop_back();
+  emissions_.pop_back();
+  traffic->RemoveRow(row);
+  traffic->vehicle_count = last;
+}
+
+bool VehicleBridge::ReadVehicle(std::size_t row, double time, double dt, Traffic* traffic) {
+  const std::string& id = records_[row].id;
+  Motion& now = traffic->now;
+  const LaneIndex last_lane = now.lane[row];
+  try {
+    const std::string lane_id = SumoVehicle::getLaneID(id);
+    // Most vehicles are where they were: comparing one id is cheaper than looking it up.
+    const LaneIndex expected = coupled_[row].commanded ? coupled_[row].expected_lane : last_lane;
+    const LaneIndex lane = expected != kNone && network_.lanes[expected].id == lane_id ? expected : network_.FindLane(lane_id);
+    const double speed = SumoVehicle::getSpeed(id);
+    if (lane == kNone) {  // Teleporting, or on no road of ours.
+      now.lane[row] = kNone;
+      now.speed[row] = std::max(0.0, speed);
+      traffic->driven[row] = 0;
+      coupled_[row].commanded = false;
+      return true;
+    }
+    const double s = SumoVehicle::getLanePosition(id);
+    if (lane != last_lane) {
+      traffic->speed_limit[row] = SumoVehicle::getAllowedSpeed(id);
+      if (traffic->plan[row] != nullptr) FollowRoute(row, lane, traffic);
+    } else if ((step_ + traffic->number[row]) % 10 == 0 && traffic->plan[row] != nullptr &&
+               SumoVehicle::getRouteID(id) != coupled_[row].route_id) {
+      Replan(row, traffic);
+    }
+    if (coupled_[row].commanded) {
+      ReadDriven(row, lane, s, speed, dt, traffic);
+    } else {
+      ReadNative(row, lane, s, speed, dt, traffic);
+    }
+    UpdateStops(row, traffic);
+    traffic->driven[row] = traffic->policy[row] != Policy::kSumo && !coupled_[row].handed_back;
+    emissions_[row] = {SumoVehicle::getCO2Emission(id), SumoVehicle::getNOxEmission(id), SumoVehicle::getPMxEmission(id),
+                       SumoVehicle::getFuelConsumption(id), SumoVehicle::getElectricityConsumption(id)};
+  } catch (const libsumo::TraCIException&) {
+    return false;  // It left the simulation.
+  }
+  (void)time;
+  return true;
+}
+
+void VehicleBridge::FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic) {
+  if (network_.lanes[lane].internal) return;
+  if (SumoVehicle::getRouteID(records_[row].id) != coupled_[row].route_id) Replan(row, traffic);
+  const auto route = traffic->plan[row]->route();
+  std::int32_t& position = traffic->route_position[row];
+  const EdgeIndex edge = network_.lanes[lane].edge;
+  const auto is_at = [&](std::int32_t p) { return static_cast<std::size_t>(p) < route.size() && route[p] == edge; };
+  if (is_at(position)) return;
+  traffic->now.yielded_to[row] = kNone;  // A new edge: the right to be let in starts afresh.
+  position = is_at(position + 1) ? position + 1 : SumoVehicle::getRouteIndex(records_[row].id);
+}
+
+void VehicleBridge::Replan(std::size_t row, Traffic* traffic) {
+  const std::string& id = records_[row].id;
+  traffic->plan[row] = PlanFor(SumoVehicle::getRoute(id), coupled_[row].class_mask);
+  traffic->route_position[row] = std::max(0, SumoVehicle::getRouteIndex(id));
+  coupled_[row].route_id = SumoVehicle::getRouteID(id);
+}
+
+void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic) {
+  Motion& now = traffic->now;
+  const std::string& id = records_[row].id;
+  const libsumo::TraCIPosition position = SumoVehicle::getPosition(id);
+  const PathPoint point = curves_[lane].At(s);
+  const bool fresh = now.lane[row] == kNone;
+  now.lane[row] = lane;
+  now.s[row] = s;
+  now.heading[row] = HeadingFromSumo(SumoVehicle::getAngle(id));
+  now.heading_error[row] = WrapAngle(now.heading[row] - point.heading);
+  now.x[row] = position.x;
+  now.y[row] = position.y;
+  now.d[row] = (position.y - point.y) * std::cos(point.heading) - (position.x - point.x) * std::sin(point.heading);
+  now.accel[row] = fresh ? 0.0 : (speed - traffic->next.speed[row]) / dt;
+  now.speed[row] = speed;
+  now.speed_ref[row] = speed;
+  now.steering_angle[row] = 0.0;
+  now.curvature[row] = point.curvature;
+  now.lane_change[row] = now.blinker[row] = 0;
+  now.urgent[row] = 0;
+  now.speed_pid[row] = now.steering_pid[row] = {};
+}
+
+void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic) {
+  Motion& now = traffic->now;
+  const Motion& before = traffic->next;  // Swapped: the state the command was given in.
+  Coupled& coupled = coupled_[row];
+  Audit(row, lane, s, speed, *traffic);
+
+  if (std::abs(speed - coupled.commanded_speed) > CouplingAudit::kTolerance) {
+    // SUMO drove less far: so the lateral motion did not get as far either.
+    const double share = coupled.commanded_speed > 0.0 ? std::clamp(speed / coupled.commanded_speed, 0.0, 1.0) : 0.0;
+    now.d[row] = before.d[row] + share * (now.d[row] - before.d[row]);
+    now.heading_error[row] = before.heading_error[row] + share * (now.heading_error[row] - before.heading_error[row]);
+    now.speed[row] = speed * curves_[lane].scale();
+    now.accel[row] = (now.speed[row] - before.speed[row]) / dt;
+    now.speed_ref[row] = now.speed[row];
+    now.speed_pid[row] = {};
+  }
+  const LaneIndex left_lane = now.lane[row];
+  if (coupled.change_commanded != 0 && lane == network_.Neighbor(left_lane, coupled.change_commanded)) {
+    const PathPoint from = curves_[left_lane].At(s);
+    const PathPoint to = curves_[lane].At(s);
+    const double x = from.x - now.d[row] * std::sin(from.heading), y = from.y + now.d[row] * std::cos(from.heading);
+    now.d[row] = (y - to.y) * std::cos(to.heading) - (x - to.x) * std::sin(to.heading);
+    now.heading_error[row] = WrapAngle(now.heading_error[row] + from.heading - to.heading);
+    now.lane_change[row] = now.blinker[row] = 0;
+    now.urgent[row] = 0;
+    now.since_change[row] = 0.0f;
+    now.steering_pid[row] = {};
+  }
+  now.lane[row] = lane;
+  now.s[row] = s;
+
+  // Watch for agents that stand at the end of a lane that does not lead on.
+  const Lane& here = network_.lanes[lane];
+  const std::size_t position = static_cast<std::size_t>(traffic->route_position[row]);
+  const auto route = traffic->plan[row]->route();
+  const bool dead_end = !here.internal && position + 1 < route.size() && route[position] == here.edge &&
+                        traffic->plan[row]->At(position, here.index).connection == kNone;
+  const bool halts = dead_end && speed < kStandingSpeed && here.length - s < kLaneEndZone;
+  if (halts && !coupled.halted_at_lane_end) ++lane_end_halts_;
+  coupled.halted_at_lane_end = halts;
+}
+
+void VehicleBridge::Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic) {
+  Coupled& coupled = coupled_[row];
+  coupled.commanded = true;
+  coupled.commanded_speed = speed;
+  coupled.change_commanded = static_cast<std::int8_t>(change);
+  LaneIndex lane = traffic.now.lane[row];
+  double s = traffic.now.s[row] + speed * dt;
+  std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
+  const LaneIndex start = lane;
+  while (s > network_.lanes[lane].length) {
+    const LaneIndex next = NextLane(network_, *traffic.plan[row], position, lane);
+    if (next == kNone) break;
+    s -= network_.lanes[lane].length;
+    if (!network_.lanes[next].internal) ++position;
+    lane = next;
+  }
+  coupled.expected_lane = change != 0 && lane == start ? network_.Neighbor(lane, change) : lane;
+  coupled.expected_s = s;
+}
+
+void VehicleBridge::Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic) {
+  const Coupled& coupled = coupled_[row];
+  AuditCause cause = AuditCause::kMidBlock;
+  double position_error = 0.0;
+  if (coupled.checks_on) {
+    cause = AuditCause::kJunctionGuard;
+  } else if (lane != coupled.expected_lane) {
+    cause = coupled.change_commanded != 0 && lane == traffic.now.lane[row] ? AuditCause::kLaneChangeMissed : AuditCause::kOtherLink;
+  }
+  if (lane == coupled.expected_lane) position_error = std::abs(s - coupled.expected_s);
+  audit_.Count(cause, position_error, std::abs(speed - coupled.commanded_speed));
+}
+
+void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
+  Coupled& coupled = coupled_[row];
+  traffic->stop_distance[row] = kFar;
+  traffic->stop_lane[row] = kNone;
+  traffic->hazard[row] = 0;
+  if (coupled.stops.empty()) return;
+  const std::string& id = records_[row].id;
+  const bool native = !coupled.commanded;
+  if (native) {
+    const int state = SumoVehicle::getStopState(id);
+    const bool stopped = (state & 1) != 0, parking = stopped && (state & 2) != 0;
+    traffic->hazard[row] = stopped;
+    if (parking) traffic->now.lane[row] = kNone;  // Beside the road.
+    if (!stopped) {
+      coupled.stops.clear();
+      for (const auto& stop : SumoVehicle::getStops(id)) coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
+    }
+  }
+  if (traffic->policy[row] == Policy::kSumo) return;
+  if (!coupled.stops.empty() && traffic->plan[row] != nullptr) {
+    const Stop& stop = coupled.stops.front();
+    const auto route = traffic->plan[row]->route();
+    const std::size_t here = static_cast<std::size_t>(traffic->route_position[row]);
+    const EdgeIndex edge = stop.lane == kNone ? kNone : network_.lanes[stop.lane].edge;
+    const auto found = std::find(route.begin() + static_cast<std::ptrdiff_t>(std::min(here, route.size())), route.end(), edge);
+    if (edge == kNone) {
+      traffic->stop_distance[row] = 0.0;  // At a place we do not know: SUMO's business.
+    } else if (found != route.end()) {
+      const std::size_t there = static_cast<std::size_t>(found - route.begin());
+      const LaneIndex lane = traffic->now.lane[row];
+      const bool internal = lane != kNone && network_.lanes[lane].internal;
+      const double driven = internal ? network_.lanes[network_.edges[route[here]].first_lane].length : traffic->now.s[row];
+      traffic->stop_distance[row] = traffic->plan[row]->RemainingLength(here) - traffic->plan[row]->RemainingLength(there) - driven + stop.end;
+      if (there == here && !internal) traffic->stop_lane[row] = network_.lanes[stop.lane].index;
+    }
+  }
+  const double speed = traffic->now.speed[row];
+  const double braking = speed * speed / (2.0 * params_.driving.comfort_decel) + 2.0 * speed;
+  const bool hand_back = traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin;
+  if (hand_back == coupled.handed_back) return;
+  coupled.handed_back = hand_back;
+  coupled.commanded = false;
+  if (hand_back) SumoVehicle::setSpeed(id, -1.0);
+  SumoVehicle::setLaneChangeMode(id, hand_back ? kSumoLaneChanges : kNoLaneChanges);
+  SumoVehicle::setSpeedMode(id, kAllChecks);
+  coupled.checks_on = true;
+}
+
+bool VehicleBridge::NeedsGuard(std::size_t row, const Traffic& traffic) const {
+  if (rules_ != Rules::kSumo) return false;
+  LaneIndex lane = traffic.now.lane[row];
+  if (network_.lanes[lane].internal && lane_guarded_[lane]) return true;
+  // A vehicle that stands in the way must be passed, which SUMO's checks would not allow.
+  const VehicleParams& vehicle = traffic.params[row];
+  const double speed = traffic.now.speed[row];
+  const double braking = speed * speed / (2.0 * vehicle.max_decel) + speed * vehicle.time_gap + params_.driving.guard_margin;
+  std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
+  double distance = -traffic.now.s[row];
+  while (true) {
+    distance += network_.lanes[lane].length;
+    if (distance > braking) return false;
+    const LaneIndex next = NextLane(network_, *traffic.plan[row], position, lane);
+    if (next == kNone) return false;
+    const Lane& following = network_.lanes[next];
+    if (following.internal && lane_guarded_[next]) return true;
+    if (!following.internal) {
+      if (!network_.lanes[lane].internal && lane_guarded_[lane]) return true;  // A junction without internal lanes.
+      ++position;
+    }
+    lane = next;
+  }
+}
+
+void VehicleBridge::SetChecks(std::size_t row, bool on) {
+  if (coupled_[row].checks_on == on) return;
+  SumoVehicle::setSpeedMode(records_[row].id, on ? kAllChecks : kNoChecks);
+  coupled_[row].checks_on = on;
+}
+
+void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands) {
+  for (std::size_t row = 0; row < traffic->vehicle_count; ++row) {
+    if (!traffic->driven[row]) {
+      coupled_[row].commanded = false;
+      // The rows of vehicles SUMO drives keep what they had: Read fills them from SUMO.
+      traffic->next.lane[row] = traffic->now.lane[row];
+      traffic->next.since_change[row] = traffic->now.since_change[row];
+      traffic->next.yielded_to[row] = kNone;
+      continue;
+    }
+    const std::string& id = records_[row].id;
+    // With checks on SUMO does not brake harder than the type's decel: in an emergency the agent brakes alone.
+    SetChecks(row, guarded_[row] && !commands.emergency[row]);
+    SumoVehicle::setSpeed(id, commands.lane_speed[row]);
+    const int change = commands.change_lane[row];
+    if (change != 0) SumoVehicle::changeLane(id, network_.lanes[traffic->now.lane[row]].index + change, 0.0);
+    Expect(row, commands.lane_speed[row], change, dt, *traffic);
+  }
+}
+
+void VehicleBridge::ReadPersons(Traffic* traffic) {
+  const std::vector<std::string> ids = libsumo::Person::getIDList();
+  if (ids.empty()) return;
+  traffic->Resize(traffic->vehicle_count + ids.size());
+  Motion& now = traffic->now;
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const std::size_t row = traffic->vehicle_count + k;
+    const auto [it, fresh] = person_number_.try_emplace(ids[k], 0);
+    if (fresh) it->second = next_number_++;
+    const libsumo::TraCIPosition position = libsumo::Person::getPosition(ids[k]);
+    traffic->number[row] = it->second;
+    traffic->params[row] = {};
+    traffic->params[row].length = libsumo::Person::getLength(ids[k]);
+    traffic->params[row].width = libsumo::Person::getWidth(ids[k]);
+    traffic->plan[row] = nullptr;
+    traffic->driven[row] = 0;
+    traffic->hazard[row] = 0;
+    now.lane[row] = kNone;
+    now.x[row] = position.x;
+    now.y[row] = position.y;
+    now.heading[row] = HeadingFromSumo(libsumo::Person::getAngle(ids[k]));
+    now.speed[row] = libsumo::Person::getSpeed(ids[k]);
+    now.accel[row] = 0.0;
+  }
+}
+
+std::size_t VehicleBridge::pending() const { return libsumo::Simulation::getPendingVehicles().size(); }
+
+void VehicleBridge::HashState(const Traffic& traffic, StateHash* hash) const {
+  const Motion& now = traffic.now;
+  for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
+    hash->Add(static_cast<std::uint64_t>(traffic.number[row]));
+    hash->Add(static_cast<std::uint64_t>(now.lane[row]));
+    hash->Add(now.s[row]);
+    hash->Add(now.d[row]);
+    hash->Add(now.heading_error[row]);
+    hash->Add(now.speed[row]);
+    hash->Add(now.steering_angle[row]);
+  }
+}
+
+}  // namespace lanewise

@@ -1,0 +1,132 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "agents/agent_params.h"
+#include "agents/core/state_hash.h"
+#include "agents/network/lane_curve.h"
+#include "agents/network/road_network.h"
+#include "agents/traffic.h"
+#include "libsumo_bridge/coupling_audit.h"
+
+namespace lanewise {
+
+/// Who answers for signals and right of way.
+enum class Rules : std::uint8_t { kSumo };
+inline constexpr std::string_view kRulesNames[] = {"sumo"};
+
+/// A vehicle as SUMO knows it; what the results call it.
+struct VehicleRecord {
+  std::string id, type, vehicle_class;
+  double depart{0.0};        ///< [s]
+  double depart_delay{0.0};  ///< [s]
+};
+
+/// What SUMO says of one vehicle in one step beyond its motion.
+struct EmissionRates {
+  double co2{0.0}, nox{0.0}, pmx{0.0}, fuel{0.0};  ///< [mg/s]
+  double electricity{0.0};                         ///< [Wh/s]
+};
+
+/// Vehicles that left the simulation in the last step.
+struct Departure {
+  std::int32_t number;
+  bool arrived;  ///< False: removed in another way.
+};
+
+/// The road-frame coupling: SUMO carries the arc length, the agent owns the motion. Each step the bridge
+/// reads who is there and what SUMO realised, audits it against what was commanded, and writes the
+/// next commands. One thread only.
+class VehicleBridge {
+ public:
+  VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params,
+                Policy default_policy, Rules rules);
+
+  /// After a SUMO step: takes in new vehicles, drops those that left, reads the rest into traffic->now.
+  void Read(double time, double dt, Traffic* traffic);
+  /// Before a SUMO step: hands the agents' commands over.
+  void Write(double dt, Traffic* traffic, const Commands& commands);
+
+  /// By row: SUMO's checks are on for this vehicle in the coming step.
+  const std::vector<std::uint8_t>& guarded() const { return guarded_; }
+  const VehicleRecord& record(std::size_t row) const { return records_[row]; }
+  std::span<const std::int32_t> new_vehicles() const { return new_vehicles_; }   ///< Rows that entered in the last Read.
+  std::span<const Departure> gone() const { return gone_; }                      ///< That left in the last Read.
+  const std::vector<EmissionRates>& emissions() const { return emissions_; }     ///< By row.
+  const CouplingAudit& audit() const { return audit_; }
+  std::int64_t teleports() const { return teleports_; }
+  std::int64_t emergency_stops() const { return emergency_stops_; }
+  /// Halts of an agent within 10 m of the end of a lane that does not lead along its route.
+  std::int64_t lane_end_halts() const { return lane_end_halts_; }
+  std::size_t pending() const;
+  /// Feeds the motion of every vehicle, in row order.
+  void HashState(const Traffic& traffic, StateHash* hash) const;
+
+ private:
+  struct Stop {
+    LaneIndex lane;
+    double end;  // [m]
+  };
+  /// What the bridge remembers of a vehicle besides its row in Traffic.
+  struct Coupled {
+    std::string route_id;
+    std::vector<Stop> stops;            // Planned, next first.
+    VehicleClassMask class_mask{0};
+    bool handed_back{false};            // SUMO drives it (planned stop).
+    bool commanded{false};              // The last Write commanded it.
+    bool checks_on{false};              // Speed mode 31 is set.
+    bool halted_at_lane_end{false};
+    std::int8_t change_commanded{0};
+    LaneIndex expected_lane{kNone};     // Where the command should lead.
+    double expected_s{0.0};             // [m]
+    double commanded_speed{0.0};        // [m/s]
+  };
+
+  void AddVehicle(const std::string& id, double time, Traffic* traffic);
+  void RemoveVehicle(std::size_t row, bool arrived, Traffic* traffic);
+  bool ReadVehicle(std::size_t row, double time, double dt, Traffic* traffic);
+  void ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
+  void ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
+  void ReadPersons(Traffic* traffic);
+  void FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic);
+  void Replan(std::size_t row, Traffic* traffic);
+  void UpdateStops(std::size_t row, Traffic* traffic);
+  void Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic);
+  void Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic);
+  void SetChecks(std::size_t row, bool on);
+  bool NeedsGuard(std::size_t row, const Traffic& traffic) const;
+  const RoutePlan* PlanFor(const std::vector<std::string>& edges, VehicleClassMask vehicle_class);
+  Policy PolicyOf(const std::string& id, const std::string& type, const std::string& vehicle_class);
+
+  const RoadNetwork& network_;
+  const std::vector<LaneCurve>& curves_;
+  AgentParams params_;
+  Policy default_policy_;
+  Rules rules_;
+  std::vector<bool> lane_guarded_;        // By lane: a normal lane's way out, or an internal lane, has conflicts.
+  std::int32_t next_number_{0};
+  std::vector<VehicleRecord> records_;    // By row.
+  std::vector<Coupled> coupled_;          // By row.
+  std::vector<EmissionRates> emissions_;  // By row.
+  std::vector<std::uint8_t> guarded_;     // By row.
+  std::unordered_map<std::string, std::size_t> row_of_;
+  std::vector<std::int32_t> new_vehicles_;
+  std::vector<Departure> gone_;
+  std::map<std::pair<std::vector<EdgeIndex>, VehicleClassMask>, std::unique_ptr<RoutePlan>> plans_;
+  std::unordered_map<std::string, std::string> type_policy_;
+  std::unordered_map<std::string, std::int32_t> person_number_;
+  CouplingAudit audit_;
+  std::int64_t teleports_{0}, emergency_stops_{0}, lane_end_halts_{0};
+  std::int64_t step_{0};
+};
+
+/// Parses a policy name. @throws ConfigError naming `origin` and the names allowed.
+Policy ParsePolicy(std::string_view name, std::string_view origin);
+
+}  // namespace lanewise

@@ -1,0 +1,166 @@
+#include "scenarios/recorder.h"
+
+#include <cmath>
+
+#include "agents/core/geometry.h"
+#include "agents/vehicle/kinematic_bicycle.h"
+
+namespace lanewise {
+namespace {
+
+constexpr double kHaltingSpeed = 0.1;  // [m/s], SUMO's.
+
+/// Is `step` the first at or after a multiple of `period`? Period 0: always.
+bool IsDue(std::int64_t step, double period, double step_length) {
+  if (period <= step_length) return true;
+  const auto every = static_cast<std::int64_t>(std::llround(period / step_length));
+  return step % every == 0;
+}
+
+}  // namespace
+
+Recorder::Recorder(const RoadNetwork& network, double step_length, double sample_period, RunWriter* writer)
+    : network_(network), step_length_(step_length), sample_period_(sample_period), writer_(writer), trips_(step_length),
+      shares_(std::size(kPolicyNames)) {
+  for (std::size_t i = 0; i < shares_.size(); ++i) shares_[i].policy = kPolicyNames[i];
+  if (writer_ == nullptr) return;
+  std::vector<LaneRow> lanes;
+  for (std::size_t i = 0; i < network.lanes.size(); ++i) lanes.push_back({static_cast<LaneIndex>(i), network.lanes[i].id});
+  writer_->Add(lanes);
+}
+
+void Recorder::Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic, const VehicleBridge& bridge) {
+  Depart(traffic, bridge);
+  FillFrame(step, time, traffic, bridge);
+  safety_.Observe(frame_);
+  trips_.Observe(frame_, safety_.row_ttc());
+  for (const Departure& gone : bridge.gone()) FinishTrip(gone.number, time, gone.arrived ? TripEnd::kArrived : TripEnd::kVaporized);
+  if (IsDue(step, sample_period_, step_length_)) Sample();
+  if (IsDue(step, 1.0, step_length_)) {
+    Summarize(wall_time, bridge);
+    Flush();
+  }
+}
+
+void Recorder::Depart(const Traffic& traffic, const VehicleBridge& bridge) {
+  for (const std::int32_t row : bridge.new_vehicles()) {
+    const VehicleRecord& record = bridge.record(row);
+    const auto policy = traffic.policy[row];
+    vehicles_.push_back({traffic.number[row], record.id, record.type, record.vehicle_class, std::string(kPolicyNames[static_cast<std::size_t>(policy)]),
+                         record.depart, record.depart_delay, traffic.params[row].length, traffic.params[row].width});
+    trips_.Depart(vehicles_.back());
+    ++inserted_;
+    ++shares_[static_cast<std::size_t>(policy)].vehicles;
+  }
+}
+
+void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic, const VehicleBridge& bridge) {
+  const Motion& now = traffic.now;
+  frame_.step = step;
+  frame_.time = time;
+  frame_.Resize(traffic.size());
+  for (std::size_t i = 0; i < traffic.size(); ++i) {
+    const bool vehicle = i < traffic.vehicle_count;
+    const VehicleParams& params = traffic.params[i];
+    const bool driven = traffic.driven[i] != 0;
+    frame_.vehicle_number[i] = traffic.number[i];
+    frame_.x[i] = now.x[i];
+    frame_.y[i] = now.y[i];
+    frame_.heading[i] = now.heading[i];
+    frame_.speed[i] = now.speed[i];
+    frame_.accel[i] = now.accel[i];
+    frame_.length[i] = params.length;
+    frame_.width[i] = params.width;
+    frame_.pedestrian[i] = !vehicle;
+    frame_.agent_driven[i] = driven;
+    frame_.lane[i] = now.lane[i];
+    const double slip = driven ? SlipAngle(now.steering_angle[i], params.wheelbase, params.rear_axle_to_front) : 0.0;
+    frame_.vx[i] = now.speed[i] * std::cos(now.heading[i] + slip);
+    frame_.vy[i] = now.speed[i] * std::sin(now.heading[i] + slip);
+    if (!vehicle) continue;
+    // Yaw: the bicycle's own for agents; along the lane for SUMO's point on a lane, whose drawn angle jumps.
+    frame_.yaw_rate[i] = driven ? now.speed[i] / params.rear_axle_to_front * std::sin(slip) : now.speed[i] * now.curvature[i];
+    frame_.lateral_accel[i] = frame_.yaw_rate[i] * now.speed[i];
+    frame_.lane_pos[i] = now.s[i];
+    frame_.lateral_offset[i] = now.d[i];
+    frame_.allowed_speed[i] = traffic.speed_limit[i];
+    frame_.in_junction[i] = now.lane[i] != kNone && network_.lanes[now.lane[i]].internal;
+    frame_.planned_stop[i] = traffic.hazard[i];
+    const EmissionRates& rates = bridge.emissions()[i];
+    frame_.co2_rate[i] = rates.co2;
+    frame_.nox_rate[i] = rates.nox;
+    frame_.pmx_rate[i] = rates.pmx;
+    frame_.fuel_rate[i] = rates.fuel;
+    frame_.electricity_rate[i] = rates.electricity;
+    PolicyShareRow& share = shares_[static_cast<std::size_t>(traffic.policy[i])];
+    ++share.vehicle_steps;
+    share.agent_steps += driven;
+    ++vehicle_steps_;
+    agent_steps_ += driven;
+  }
+}
+
+void Recorder::FinishTrip(std::int32_t number, double time, TripEnd end) {
+  if (end == TripEnd::kArrived) ++arrived_;
+  if (end == TripEnd::kVaporized) ++vaporized_;
+  finished_trips_.push_back(trips_.Finish(number, time, end));
+}
+
+void Recorder::Sample() {
+  for (std::size_t i = 0; i < frame_.size(); ++i) {
+    samples_.push_back({frame_.time, frame_.vehicle_number[i], frame_.lane[i], frame_.x[i], frame_.y[i], frame_.heading[i],
+                        frame_.speed[i], frame_.accel[i], frame_.lane_pos[i], frame_.lateral_offset[i]});
+  }
+}
+
+void Recorder::Summarize(double wall_time, const VehicleBridge& bridge) {
+  StepSummaryRow row;
+  row.time = frame_.time;
+  double speed_sum = 0.0;
+  for (std::size_t i = 0; i < frame_.size(); ++i) {
+    if (frame_.pedestrian[i]) continue;
+    ++row.running;
+    row.halting += frame_.speed[i] < kHaltingSpeed;
+    row.agent_driven += frame_.agent_driven[i];
+    speed_sum += frame_.speed[i];
+  }
+  if (row.running > 0) row.mean_speed = speed_sum / static_cast<double>(row.running);
+  row.arrived = arrived_;
+  row.waiting_to_insert = static_cast<std::int64_t>(bridge.pending());
+  row.wall_time = wall_time;
+  summaries_.push_back(row);
+}
+
+void Recorder::Flush() {
+  if (writer_ != nullptr) {
+    writer_->Add(vehicles_);
+    writer_->Add(finished_trips_);
+    writer_->Add(samples_);
+    writer_->Add(summaries_);
+    writer_->Add(safety_.TakeFinishedContacts());
+    writer_->Add(safety_.TakeFinishedEncounters());
+  } else {
+    safety_.TakeFinishedContacts();
+    safety_.TakeFinishedEncounters();
+  }
+  vehicles_.clear();
+  finished_trips_.clear();
+  samples_.clear();
+  summaries_.clear();
+}
+
+void Recorder::Finish(double time, const VehicleBridge&) {
+  for (const std::int32_t number : trips_.UnderWay()) finished_trips_.push_back(trips_.Finish(number, time, TripEnd::kRunning));
+  safety_.Finish();
+  Flush();
+}
+
+std::vector<PolicyShareRow> Recorder::policy_shares() const {
+  std::vector<PolicyShareRow> used;
+  for (const PolicyShareRow& share : shares_) {
+    if (share.vehicles > 0) used.push_back(share);
+  }
+  return used;
+}
+
+}  // namespace lanewise

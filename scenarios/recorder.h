@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "agents/network/road_network.h"
+#include "agents/traffic.h"
+#include "analysis/results_file.h"
+#include "analysis/safety_monitor.h"
+#include "analysis/traffic_frame.h"
+#include "analysis/trip_recorder.h"
+#include "libsumo_bridge/vehicle_bridge.h"
+
+namespace lanewise {
+
+/// Turns the traffic of each step into results: safety events, trips, samples, summaries. Works without
+/// a results file too (then only the totals are kept).
+class Recorder {
+ public:
+  Recorder(const RoadNetwork& network, double step_length, double sample_period, RunWriter* writer);
+
+  void Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic, const VehicleBridge& bridge);
+  /// Closes all that is open at the end of the run.
+  void Finish(double time, const VehicleBridge& bridge);
+
+  std::int64_t vehicle_steps() const { return vehicle_steps_; }
+  std::int64_t agent_steps() const { return agent_steps_; }
+  std::int64_t inserted() const { return inserted_; }
+  std::int64_t arrived() const { return arrived_; }
+  std::int64_t vaporized() const { return vaporized_; }
+  std::int64_t running() const { return inserted_ - arrived_ - vaporized_; }
+  std::vector<PolicyShareRow> policy_shares() const;
+
+ private:
+  void FillFrame(std::int64_t step, double time, const Traffic& traffic, const VehicleBridge& bridge);
+  void Depart(const Traffic& traffic, const VehicleBridge& bridge);
+  void FinishTrip(std::int32_t number, double time, TripEnd end);
+  void Sample();
+  void Summarize(double wall_time, const VehicleBridge& bridge);
+  void Flush();
+
+  const RoadNetwork& network_;
+  double step_length_, sample_period_;
+  RunWriter* writer_;
+  TrafficFrame frame_;
+  SafetyMonitor safety_;
+  TripRecorder trips_;
+  std::vector<VehicleRow> vehicles_;
+  std::vector<TripRow> finished_trips_;
+  std::vector<TrajectoryRow> samples_;
+  std::vector<StepSummaryRow> summaries_;
+  std::vector<PolicyShareRow> shares_;        // By Policy.
+  std::vector<std::uint8_t> policy_of_;       // By vehicle number.
+  std::int64_t vehicle_steps_{0}, agent_steps_{0}, inserted_{0}, arrived_{0}, vaporized_{0};
+};
+
+}  // namespace lanewise

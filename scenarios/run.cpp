@@ -1,0 +1,181 @@
+#include "scenarios/run.h"
+
+#include <omp.h>
+#include <sys/utsname.h>
+
+#include <chrono>
+#include <csignal>
+#include <memory>
+#include <fmt/ranges.h>
+
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include <fstream>
+#include <iterator>
+
+#include "agents/agent_pipeline.h"
+#include "libsumo_bridge/sumo_session.h"
+#include "scenarios/progress.h"
+#include "scenarios/recorder.h"
+
+namespace lanewise {
+namespace {
+
+volatile std::sig_atomic_t g_interrupted = 0;
+void OnSignal(int) { g_interrupted = 1; }
+
+/// Turns SIGINT and SIGTERM into a flag while it lives; a second one ends the process as usual.
+class InterruptGuard {
+ public:
+  InterruptGuard() {
+    g_interrupted = 0;
+    struct sigaction action {};
+    action.sa_handler = OnSignal;
+    action.sa_flags = static_cast<int>(SA_RESETHAND);
+    sigaction(SIGINT, &action, &old_int_);
+    sigaction(SIGTERM, &action, &old_term_);
+  }
+  ~InterruptGuard() {
+    sigaction(SIGINT, &old_int_, nullptr);
+    sigaction(SIGTERM, &old_term_, nullptr);
+  }
+
+ private:
+  struct sigaction old_int_ {};
+  struct sigaction old_term_ {};
+};
+
+/// Adds the wall time of a call to a counter.
+template <class F>
+void Timed(double* seconds, F&& f) {
+  const auto start = std::chrono::steady_clock::now();
+  f();
+  *seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+std::string HashFile(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  const std::string content{std::istreambuf_iterator<char>(in), {}};
+  return fmt::format("{:016x}", XXH3_64bits(content.data(), content.size()));
+}
+
+RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_options) {
+  RunInfo info;
+  info.scenario = config.scenario;
+  info.config_file = config.config_file.empty() ? config.net_file.string() : config.config_file.string();
+  info.policy = kPolicyNames[static_cast<std::size_t>(config.policy)];
+  info.rules = kRulesNames[static_cast<std::size_t>(config.rules)];
+  info.seed = config.seed;
+  info.end = config.end;
+  info.step_length = config.step_length;
+  info.threads = config.threads;
+  info.sumo_options = fmt::format("{}", fmt::join(sumo_options, " "));
+  nlohmann::ordered_json params, hashes;
+  for (const ParamDescription& p : DescribeParams(config.params)) params[p.name] = p.value;
+  for (const auto& file : InputFiles(config)) hashes[file.string()] = "xxh3:" + HashFile(file);
+  info.parameters_json = params.dump();
+  info.input_hashes_json = hashes.dump();
+  info.lanewise_version = LANEWISE_VERSION;
+  info.git_commit = LANEWISE_GIT_COMMIT;
+  info.sumo_version = SumoSession::Version();
+  info.compiler = LANEWISE_COMPILER;
+  utsname name{};
+  uname(&name);
+  info.machine = fmt::format("{} {} {} cores, {}", name.sysname, name.machine, std::thread::hardware_concurrency(), name.nodename);
+  return info;
+}
+
+std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_end_halts, std::int64_t emergency_stops) {
+  std::vector<AuditRow> rows;
+  for (std::size_t i = 0; i < kAuditCauses; ++i) {
+    const AuditCount& count = audit.by_cause[i];
+    rows.push_back({std::string(kAuditCauseNames[i]) + "_steps", count.steps, std::nullopt, std::nullopt});
+    rows.push_back({std::string(kAuditCauseNames[i]), count.different, count.max_position_error, count.max_speed_error});
+  }
+  rows.push_back({"lane_end_halts", lane_end_halts, std::nullopt, std::nullopt});
+  rows.push_back({"sumo_emergency_stops", emergency_stops, std::nullopt, std::nullopt});
+  return rows;
+}
+
+}  // namespace
+
+RunReport Run(const RunConfig& config) {
+  RunConfig effective = config;
+  if (effective.threads == 0) effective.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  omp_set_num_threads(effective.threads);
+
+  // The results file comes first: a file that cannot take the run must be refused before SUMO starts.
+  std::optional<ResultsFile> file;
+  if (effective.results) file = ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend);
+  const RoadNetwork network = LoadRoadNetwork(effective.net_file);
+  CurveFitParams fit;
+  fit.max_lateral_accel = effective.params.driving.max_lateral_accel;
+  fit.comfort_decel = effective.params.driving.comfort_decel;
+  const std::vector<LaneCurve> curves = FitLaneCurves(network, fit);
+  const std::vector<std::string> sumo_options = SumoCommandLine(effective);
+  SumoSession session(sumo_options);
+  std::unique_ptr<RunWriter> writer;
+  if (file) writer = std::make_unique<RunWriter>(std::move(*file), Describe(effective, sumo_options));
+
+  Traffic traffic;
+  Commands commands;
+  AgentPipeline pipeline(network, curves, effective.params);
+  VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules);
+  Recorder recorder(network, effective.step_length, effective.sample_period, writer.get());
+  Progress progress(fmt::format("{} [{}]", effective.scenario, kPolicyNames[static_cast<std::size_t>(effective.policy)]), effective.end, effective.quiet);
+  StateHash hash;
+  RunReport report;
+  RunOutcome& outcome = report.outcome;
+  const InterruptGuard interrupt;
+  const double dt = session.step_length();
+  const double begin = session.time();
+
+  try {
+    while (session.ExpectedNumber() > 0 && (!effective.end || session.time() < *effective.end - 0.5 * dt)) {
+      Timed(&outcome.sumo_time, [&] { session.Step(); });
+      Timed(&report.coupling_time, [&] { bridge.Read(session.time(), dt, &traffic); });
+      Timed(&report.agent_time, [&] { pipeline.UpdatePoses(&traffic); });
+      Timed(&report.record_time, [&] { recorder.Observe(outcome.steps, session.time(), outcome.wall_time, traffic, bridge); });
+      bridge.HashState(traffic, &hash);
+      Timed(&report.agent_time, [&] { pipeline.Step(dt, bridge.guarded(), &traffic, &commands); });
+      Timed(&report.coupling_time, [&] { bridge.Write(dt, &traffic, commands); });
+      ++outcome.steps;
+      outcome.wall_time = outcome.sumo_time + report.coupling_time + report.agent_time + report.record_time;
+      progress.Update(session.time(), recorder.running(), recorder.arrived(), session.ExpectedNumber());
+      if (g_interrupted) break;
+    }
+  } catch (const std::exception& error) {
+    if (writer) writer->EndAs(RunStatus::kFailed, fmt::format("at {:.1f} s: {}", begin + static_cast<double>(outcome.steps) * dt, error.what()));
+    throw;
+  }
+  const double end = session.time();
+  Timed(&report.record_time, [&] { recorder.Finish(end, bridge); });
+  outcome.status = g_interrupted ? RunStatus::kInterrupted : RunStatus::kFinished;
+  if (g_interrupted) outcome.message = fmt::format("interrupted at {:.1f} s", end);
+  outcome.simulated_time = end - begin;
+  outcome.vehicle_steps = recorder.vehicle_steps();
+  outcome.agent_steps = recorder.agent_steps();
+  outcome.inserted = recorder.inserted();
+  outcome.arrived = recorder.arrived();
+  outcome.vaporized = recorder.vaporized();
+  outcome.teleported = bridge.teleports();
+  outcome.still_running = recorder.running();
+  outcome.not_inserted = static_cast<std::int64_t>(bridge.pending());
+  outcome.state_hash = hash.value();
+  outcome.policy_shares = recorder.policy_shares();
+  report.audit = bridge.audit();
+  report.lane_end_halts = bridge.lane_end_halts();
+  report.emergency_stops = bridge.emergency_stops();
+  outcome.audit = AuditRows(report.audit, report.lane_end_halts, report.emergency_stops);
+  if (writer) {
+    report.run_id = writer->run_id();
+    writer->Finish(outcome);
+  }
+  return report;
+}
+
+}  // namespace lanewise

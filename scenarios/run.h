@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "analysis/results_file.h"
+#include "libsumo_bridge/coupling_audit.h"
+#include "scenarios/run_config.h"
+
+namespace lanewise {
+
+/// What a run came to.
+struct RunReport {
+  RunOutcome outcome;
+  CouplingAudit audit;
+  std::int64_t run_id{0};          ///< In the results file; 0 without one.
+  std::int64_t lane_end_halts{0};
+  std::int64_t emergency_stops{0};
+  double agent_time{0.0};          ///< [s] wall time in the agents' step.
+  double coupling_time{0.0};       ///< [s] wall time reading from and writing to SUMO.
+  double record_time{0.0};         ///< [s] wall time for measures and results.
+};
+
+/// Runs a resolved configuration to its end, or until SIGINT (then the outcome is kInterrupted).
+/// @throws ConfigError, SumoError; a started run is then marked failed in the results file.
+RunReport Run(const RunConfig& config);
+
+}  // namespace lanewise

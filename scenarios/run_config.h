@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "agents/agent_params.h"
+#include "libsumo_bridge/vehicle_bridge.h"
+
+namespace lanewise {
+
+/// One run, as the command line asks for it.
+struct RunConfig {
+  std::filesystem::path config_file;             ///< .sumocfg; empty if net and routes are given.
+  std::filesystem::path net_file;                ///< From -n; else read from the .sumocfg.
+  std::string route_files, additional_files;     ///< Comma-separated, as SUMO takes them.
+  std::string scenario;                          ///< Name in the results.
+  Policy policy{Policy::kDwa};
+  Rules rules{Rules::kSumo};
+  std::int64_t seed{23423};                      ///< SUMO's default seed.
+  std::optional<double> end;                     ///< [s]; nothing: the .sumocfg's, or until all have arrived.
+  double step_length{0.1};                       ///< [s]
+  int threads{0};                                ///< 0 = all cores.
+  std::optional<std::filesystem::path> results;  ///< SQLite file; nothing: no results are stored.
+  double sample_period{1.0};                     ///< [s] of trajectory rows; 0 = every step.
+  std::filesystem::path sumo_output_folder;      ///< SUMO's own outputs go there; empty: where the .sumocfg says.
+  AgentParams params;
+  bool quiet{false};
+  std::vector<std::string> sumo_options;         ///< Passed to SUMO unchanged, last, so they win.
+};
+
+/// What a .sumocfg says that Lanewise has to know.
+struct SumoConfigFile {
+  std::filesystem::path net_file;
+  std::optional<double> end;                     ///< [s]
+  double begin{0.0};                             ///< [s]
+  std::vector<std::string> options;              ///< Names of every option it sets.
+  std::vector<std::pair<std::string, std::filesystem::path>> outputs;  ///< Options that write files.
+  std::vector<std::filesystem::path> inputs;     ///< Net, routes, additional files.
+};
+
+/// @throws ConfigError: missing, broken, or no SUMO configuration.
+SumoConfigFile ReadSumoConfig(const std::filesystem::path& file);
+
+/// The .sumocfg of a network shipped with Lanewise. @throws ConfigError listing the names there are.
+std::filesystem::path FindShippedScenario(const std::string& name);
+std::vector<std::string> ShippedScenarios();
+
+/// Completes and checks a configuration; fills net_file, scenario and end from the .sumocfg.
+/// @throws ConfigError listing what is wrong.
+void Resolve(RunConfig* config);
+
+/// Input files of a resolved configuration.
+std::vector<std::filesystem::path> InputFiles(const RunConfig& config);
+
+/// SUMO's command line for a resolved configuration.
+std::vector<std::string> SumoCommandLine(const RunConfig& config);
+
+/// Reads parameters from a TOML file: dotted keys or tables, e.g. `[dwa] clearance_weight = 1.5`.
+void LoadParams(const std::filesystem::path& file, AgentParams* params);
+/// One `--set name=value`.
+void SetParamFromText(const std::string& assignment, AgentParams* params);
+
+}  // namespace lanewise

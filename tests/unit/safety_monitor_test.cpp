@@ -1,0 +1,334 @@
+#include "analysis/safety_monitor.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <vector>
+
+namespace lanewise {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kStep = 0.1;
+
+/// A road user on a straight line at constant speed; 5 m x 2 m unless told otherwise.
+struct Mover {
+  double x{0.0}, y{0.0};  // Front bumper at time 0.
+  double heading{0.0};
+  double speed{0.0};
+  bool agent{false};
+  double vx_extra{0.0}, vy_extra{0.0};  // [m/s] sliding, besides the motion along the heading.
+  bool planned_stop{false}, pedestrian{false}, in_junction{false};
+  double length{5.0}, width{2.0};
+};
+
+TrafficFrame FrameOf(const std::vector<Mover>& movers, std::int64_t step) {
+  TrafficFrame frame;
+  frame.Resize(movers.size());
+  frame.step = step;
+  frame.time = static_cast<double>(step) * kStep;
+  for (std::size_t i = 0; i < movers.size(); ++i) {
+    const Mover& m = movers[i];
+    frame.vehicle_number[i] = static_cast<std::int32_t>(i);
+    frame.vx[i] = m.speed * std::cos(m.heading) + m.vx_extra;
+    frame.vy[i] = m.speed * std::sin(m.heading) + m.vy_extra;
+    frame.x[i] = m.x + frame.vx[i] * frame.time;
+    frame.y[i] = m.y + frame.vy[i] * frame.time;
+    frame.heading[i] = m.heading;
+    frame.speed[i] = m.speed;
+    frame.length[i] = m.length;
+    frame.width[i] = m.width;
+    frame.lane[i] = static_cast<LaneIndex>(10 + i);
+    frame.agent_driven[i] = m.agent;
+    frame.planned_stop[i] = m.planned_stop;
+    frame.pedestrian[i] = m.pedestrian;
+    frame.in_junction[i] = m.in_junction;
+  }
+  return frame;
+}
+
+struct Events {
+  std::vector<Contact> contacts;
+  std::vector<Encounter> encounters;
+};
+
+Events Watch(const std::vector<Mover>& movers, int steps) {
+  SafetyMonitor monitor;
+  for (int k = 0; k < steps; ++k) monitor.Observe(FrameOf(movers, k));
+  monitor.Finish();
+  return {monitor.TakeFinishedContacts(), monitor.TakeFinishedEncounters()};
+}
+
+std::int32_t StrikingOf(const std::vector<Mover>& movers) {
+  const Events events = Watch(movers, 60);
+  EXPECT_EQ(events.contacts.size(), 1u);
+  return events.contacts.empty() ? -2 : events.contacts[0].striking;
+}
+
+TEST(SafetyMonitor, EncounterOfFollowingHasItsClosedFormTtc) {
+  // Gap 25 m at first, closing at 10 m/s; seen until 1.4 s: TTC from 2.5 down to 1.1 s.
+  const Events events = Watch({{.x = 0.0, .speed = 20.0}, {.x = 30.0, .speed = 10.0, .agent = true}}, 15);
+  EXPECT_TRUE(events.contacts.empty());
+  ASSERT_EQ(events.encounters.size(), 1u);
+  const Encounter& e = events.encounters[0];
+  EXPECT_EQ(e.first, 0);
+  EXPECT_EQ(e.second, 1);
+  EXPECT_FALSE(e.first_agent);
+  EXPECT_TRUE(e.second_agent);
+  EXPECT_NEAR(e.min_ttc, 1.1, 1e-9);
+  EXPECT_NEAR(e.min_ttc_time, 1.4, 1e-9);
+  EXPECT_NEAR(e.begin, 0.0, 1e-9);
+  EXPECT_NEAR(e.end, 1.4, 1e-9);
+  EXPECT_NEAR(e.x, 0.5 * (28.0 + 44.0), 1e-9);
+  EXPECT_EQ(e.first_lane, 10);
+  EXPECT_EQ(e.second_lane, 11);
+  EXPECT_TRUE(e.near_miss);
+  EXPECT_FALSE(e.contact);
+}
+
+TEST(SafetyMonitor, EncounterAboveTheNearMissThresholdIsNone) {
+  const Events events = Watch({{.x = 0.0, .speed = 20.0}, {.x = 30.0, .speed = 10.0}}, 10);  // Down to 1.6 s.
+  ASSERT_EQ(events.encounters.size(), 1u);
+  EXPECT_NEAR(events.encounters[0].min_ttc, 1.6, 1e-9);
+  EXPECT_FALSE(events.encounters[0].near_miss);
+}
+
+TEST(SafetyMonitor, SeesNothingInSafeTraffic) {
+  const Events events = Watch({{.x = 0.0, .speed = 15.0},
+                               {.x = 30.0, .speed = 15.0},                            // Same speed.
+                               {.x = 40.0, .y = 3.2, .heading = kPi, .speed = 15.0},  // Opposite lane.
+                               {.x = 2.0, .y = -3.2, .speed = 10.0}},                 // Being passed.
+                              60);
+  EXPECT_TRUE(events.contacts.empty());
+  EXPECT_TRUE(events.encounters.empty());
+}
+
+TEST(SafetyMonitor, ReportsTheSmallestTtcOfEachRow) {
+  SafetyMonitor monitor;
+  monitor.Observe(FrameOf({{.x = 0.0, .speed = 20.0}, {.x = 25.0, .speed = 10.0}, {.x = 500.0}}, 0));
+  ASSERT_EQ(monitor.row_ttc().size(), 3u);
+  EXPECT_NEAR(monitor.row_ttc()[0], 2.0, 1e-9);
+  EXPECT_NEAR(monitor.row_ttc()[1], 2.0, 1e-9);
+  EXPECT_TRUE(std::isinf(monitor.row_ttc()[2]));
+}
+
+TEST(SafetyMonitor, FindsFastPairsFarApart) {
+  // Closing at 100 m/s over 250 m: 2.45 s. Neither is within the other's car-length neighborhood.
+  SafetyMonitor monitor;
+  monitor.Observe(FrameOf({{.x = 0.0, .speed = 50.0}, {.x = 245.0, .heading = kPi, .speed = 50.0}}, 0));
+  EXPECT_NEAR(monitor.row_ttc()[0], 2.45, 1e-9);
+}
+
+TEST(SafetyMonitor, ContactOfARearEndIsCountedOnceAndTheFollowerStrikes) {
+  const Events events =
+      Watch({{.x = 10.0, .speed = 5.0}, {.x = 0.0, .speed = 15.0, .agent = true, .in_junction = true}}, 40);
+  ASSERT_EQ(events.contacts.size(), 1u);
+  const Contact& c = events.contacts[0];
+  EXPECT_EQ(c.striking, 1);
+  EXPECT_TRUE(c.striking_agent());
+  EXPECT_TRUE(c.in_junction);
+  EXPECT_NEAR(c.begin, 0.6, 1e-9);  // Touching at 0.5 s exactly; overlap in the next step.
+  EXPECT_NEAR(c.end, 1.4, 1e-9);    // Through it at 1.5 s.
+  EXPECT_NEAR(c.closing_speed, 10.0, 1e-9);
+  EXPECT_NEAR(c.x, 7.5, 0.06);  // The bumpers meet at 7.5 m.
+  EXPECT_NEAR(c.y, 0.0, 1e-9);
+  EXPECT_NEAR(c.max_depth, 2.0, 1e-9);  // Drawn apart sideways it takes a car's width.
+  ASSERT_EQ(events.encounters.size(), 1u);
+  EXPECT_TRUE(events.encounters[0].contact);
+  EXPECT_FALSE(events.encounters[0].near_miss);
+  EXPECT_EQ(events.encounters[0].min_ttc, 0.0);
+}
+
+/// Two cars nose to tail, in contact at the given steps.
+std::vector<Contact> TouchingAt(const std::vector<int>& steps, int end) {
+  SafetyMonitor monitor;
+  for (int k = 0; k < end; ++k) {
+    const bool touch = std::find(steps.begin(), steps.end(), k) != steps.end();
+    TrafficFrame frame = FrameOf({{.x = 0.0}, {.x = touch ? 4.9 : 6.0}}, k);
+    frame.speed[0] = frame.vx[0] = 1.0;
+    monitor.Observe(frame);
+  }
+  monitor.Finish();
+  EXPECT_EQ(static_cast<std::size_t>(monitor.contact_count()),
+            1u + (steps.back() - steps.front() > 20 ? 1u : 0u));
+  return monitor.TakeFinishedContacts();
+}
+
+TEST(SafetyMonitor, TouchingAgainWithinTwoSecondsIsTheSameContact) {
+  const std::vector<Contact> contacts = TouchingAt({5, 24}, 60);
+  ASSERT_EQ(contacts.size(), 1u);
+  EXPECT_NEAR(contacts[0].begin, 0.5, 1e-9);
+  EXPECT_NEAR(contacts[0].end, 2.4, 1e-9);
+}
+
+TEST(SafetyMonitor, TouchingAgainLaterIsAnother) { EXPECT_EQ(TouchingAt({5, 27}, 60).size(), 2u); }
+
+TEST(SafetyMonitor, HandsOverWhatEndedAndForgetsIt) {
+  SafetyMonitor monitor;
+  const std::vector<Mover> movers{{.x = 10.0, .speed = 5.0}, {.x = 0.0, .speed = 15.0}};
+  for (int k = 0; k < 50; ++k) monitor.Observe(FrameOf(movers, k));
+  EXPECT_EQ(monitor.TakeFinishedContacts().size(), 1u);  // Apart for 2 s by then; no Finish needed.
+  EXPECT_EQ(monitor.TakeFinishedEncounters().size(), 1u);
+  monitor.Finish();
+  EXPECT_TRUE(monitor.TakeFinishedContacts().empty());
+  EXPECT_TRUE(monitor.TakeFinishedEncounters().empty());
+}
+
+TEST(SafetyMonitor, SkipsPedestrianPairsAndPairsAtPlannedStops) {
+  const Events events = Watch({{.x = 0.0, .speed = 1.0, .pedestrian = true, .length = 0.3, .width = 0.5},
+                               {.x = 1.0, .pedestrian = true, .length = 0.3, .width = 0.5},
+                               {.x = 50.0, .planned_stop = true},
+                               {.x = 53.0, .planned_stop = true}},
+                              40);
+  EXPECT_TRUE(events.contacts.empty());
+  EXPECT_TRUE(events.encounters.empty());
+}
+
+TEST(SafetyMonitor, AQueueStandingBumperToBumperIsNoConflict) {
+  const Events events = Watch({{.x = 0.0}, {.x = 5.0}, {.x = 10.0}}, 20);
+  EXPECT_TRUE(events.contacts.empty());
+  EXPECT_TRUE(events.encounters.empty());
+}
+
+TEST(Striking, StandingVehiclesNeverStrike) {
+  EXPECT_EQ(StrikingOf({{.x = 20.0}, {.x = 0.0, .speed = 10.0}}), 1);
+  // Backed into, from its front: still the one that moves.
+  EXPECT_EQ(StrikingOf({{.x = 0.0}, {.x = 15.0, .vx_extra = -3.0}}), 1);
+  EXPECT_EQ(StrikingOf({{.x = 0.0}, {.x = 4.0}}), kNone);
+}
+
+TEST(Striking, RunningIntoACrossingFlankStrikes) {
+  // Vehicle 0 meets the rear half of the flank of vehicle 1, which crosses from right to left.
+  EXPECT_EQ(
+      StrikingOf({{.x = 0.0, .speed = 10.0}, {.x = 11.0, .y = -6.0, .heading = kPi / 2.0, .speed = 10.0}}),
+      0);
+  EXPECT_EQ(StrikingOf({{.x = 11.0, .y = -6.0, .heading = kPi / 2.0, .speed = 10.0, .agent = true},
+                        {.x = 0.0, .speed = 10.0}}),
+            1);
+}
+
+TEST(Striking, IfBothCouldHaveBrakedItIsTheAgent) {
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 12.0}, {.x = 20.0, .heading = kPi, .speed = 3.0, .agent = true}}),
+            1);
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 3.0, .agent = true}, {.x = 20.0, .heading = kPi, .speed = 12.0}}),
+            0);
+  // Crossing, both fronts in it: 1 is hit on its front fender.
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 10.0},
+                        {.x = 11.0, .y = -9.5, .heading = kPi / 2.0, .speed = 10.0, .agent = true}}),
+            1);
+}
+
+TEST(Striking, BetweenTwoAgentsItIsTheMoreFrontalOne) {
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 3.0, .agent = true},
+                        {.x = 20.0, .heading = kPi, .speed = 12.0, .agent = true}}),
+            1);
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 10.0, .agent = true},
+                        {.x = 11.0, .y = -9.5, .heading = kPi / 2.0, .speed = 10.0, .agent = true}}),
+            0);
+}
+
+TEST(Striking, InASideSwipeItIsTheOneThatMovesOver) {
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 10.0, .agent = true},
+                        {.x = 0.5, .y = 3.2, .speed = 10.0, .vy_extra = -1.0}}),
+            1);
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 10.0, .vy_extra = 1.0}, {.x = 0.5, .y = 3.2, .speed = 10.0}}), 0);
+}
+
+TEST(Striking, CuttingInFasterStrikesWithItsFlank) {
+  // 1 has passed and moves over: its rear flank clips the front corner of 0, which could do nothing.
+  EXPECT_EQ(StrikingOf({{.x = 0.0, .speed = 10.0, .agent = true},
+                        {.x = 2.0, .y = 3.2, .speed = 11.0, .vy_extra = -1.5}}),
+            1);
+}
+
+TEST(Striking, AVehicleHitsAPedestrianAheadOfIt) {
+  EXPECT_EQ(StrikingOf({{.x = 10.0,
+                         .y = -1.5,
+                         .heading = kPi / 2.0,
+                         .speed = 1.4,
+                         .pedestrian = true,
+                         .length = 0.3,
+                         .width = 0.5},
+                        {.x = 0.0, .speed = 10.0, .agent = true}}),
+            1);
+}
+
+std::vector<Mover> Crowd(std::size_t count) {
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> place(-400.0, 400.0), angle(-kPi, kPi), speed(0.0, 20.0);
+  std::vector<Mover> movers;
+  for (std::size_t i = 0; i < count; ++i) {
+    movers.push_back({.x = place(random),
+                      .y = place(random),
+                      .heading = angle(random),
+                      .speed = speed(random),
+                      .agent = i % 2 == 0});
+  }
+  return movers;
+}
+
+TEST(SafetyMonitor, FindsThePairsThatBruteForceFinds) {
+  const std::vector<Mover> movers = Crowd(400);
+  SafetyMonitor monitor;
+  for (int k = 0; k < 20; ++k) {
+    const TrafficFrame frame = FrameOf(movers, k);
+    monitor.Observe(frame);
+    for (std::size_t i = 0; i < frame.size(); ++i) {
+      double least = std::numeric_limits<double>::infinity();
+      const auto box = [&](std::size_t r) {
+        return Footprint{{frame.x[r], frame.y[r], frame.heading[r]}, frame.length[r], frame.width[r]};
+      };
+      for (std::size_t j = 0; j < frame.size(); ++j) {
+        if (i == j) continue;
+        const auto [a, b] = std::minmax(i, j);
+        const auto ttc =
+            TimeToContact(box(a), {frame.vx[a], frame.vy[a]}, box(b), {frame.vx[b], frame.vy[b]}, 3.0);
+        if (ttc && *ttc < 3.0) least = std::min(least, *ttc);
+      }
+      EXPECT_EQ(monitor.row_ttc()[i], least) << "row " << i << " step " << k;
+    }
+  }
+}
+
+/// The same traffic with its rows in reverse order.
+TrafficFrame Reversed(TrafficFrame frame) {
+  const auto reverse = [](auto&... columns) { (std::reverse(columns.begin(), columns.end()), ...); };
+  reverse(frame.vehicle_number, frame.x, frame.y, frame.heading, frame.speed, frame.vx, frame.vy,
+          frame.length, frame.width, frame.lane, frame.agent_driven, frame.planned_stop, frame.pedestrian,
+          frame.in_junction);
+  return frame;
+}
+
+TEST(SafetyMonitor, DoesNotDependOnThreadsNorRowOrder) {
+  const std::vector<Mover> movers = Crowd(1500);
+  const auto run = [&](int threads, bool reversed) {
+    const int before = omp_get_max_threads();
+    omp_set_num_threads(threads);
+    SafetyMonitor monitor;
+    for (int k = 0; k < 80; ++k) {
+      monitor.Observe(reversed ? Reversed(FrameOf(movers, k)) : FrameOf(movers, k));
+    }
+    monitor.Finish();
+    omp_set_num_threads(before);
+    std::vector<double> values;  // Everything that could differ, in order.
+    for (const Contact& c : monitor.TakeFinishedContacts()) {
+      values.insert(values.end(), {double(c.first), double(c.second), double(c.striking), c.begin, c.end, c.x,
+                                   c.y, c.closing_speed, c.max_depth});
+    }
+    for (const Encounter& e : monitor.TakeFinishedEncounters()) {
+      values.insert(values.end(), {double(e.first), double(e.second), e.begin, e.end, e.min_ttc,
+                                   e.min_ttc_time, e.x, e.y, double(e.near_miss)});
+    }
+    return values;
+  };
+  const std::vector<double> reference = run(1, false);
+  EXPECT_GT(reference.size(), 1000u);
+  for (const int threads : {2, 3, 8}) EXPECT_EQ(run(threads, false), reference) << threads << " threads";
+  EXPECT_EQ(run(2, true), reference);
+}
+
+}  // namespace
+}  // namespace lanewise
