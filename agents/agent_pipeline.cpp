@@ -27,6 +27,10 @@ double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving,
   const double here = world.network->lanes[way.lanes[0].lane].speed_limit;
   double wanted = traffic.speed_limit[i];
   const double preview = speed * driving.response_time;
+  // The turn the vehicle is in: it may be tighter, or last longer, than the path's.
+  const VehicleParams& vehicle = traffic.params[i];
+  const double turn = std::abs(std::sin(SlipAngle(traffic.now.steering_angle[i], vehicle.wheelbase, vehicle.rear_axle_to_front))) / vehicle.rear_axle_to_front;
+  wanted = std::min(wanted, std::sqrt(driving.max_lateral_accel / std::max(turn, 1e-6)));
   for (int k = 0; k < way.count; ++k) {
     const LaneCurve& curve = (*world.curves)[way.lanes[k].lane];
     const double distance = way.lanes[k].start - preview;
@@ -58,8 +62,7 @@ double ControlSpeed(const ControlParams& control, const VehicleParams& vehicle, 
 
 /// PID on the lateral error gives the wanted course; the steering follows through its rate limit and lag.
 /// @return new steering angle [rad].
-double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, double lateral_error, double heading_error, double speed,
-                       double steering_now, double dt, PidState* pid) {
+double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, double lateral_error, double heading_error, double speed, double steering_now, double dt, PidState* pid) {
   const double reach = std::max(params.driving.tracking_distance, speed * params.driving.tracking_time);
   const PidGains gains{params.control.steering_kp, params.control.steering_ki, params.control.steering_kd,
                        params.control.derivative_filter, params.driving.max_course_angle};
@@ -70,6 +73,17 @@ double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, 
   const double lagged = steering_now + dt / (vehicle.steering_lag + dt) * (wanted - steering_now);
   const DynamicWindow window = ReachableSteering(steering_now, vehicle.max_steering_rate, vehicle.max_steering_angle, dt);
   return std::clamp(lagged, window.min, window.max);
+}
+
+/// Did the ego's front, in its last step, pass a vehicle that stands in the same lane?
+bool PassedHazard(const World& world, AgentIndex i, double progress) {
+  const Traffic& traffic = *world.traffic;
+  const auto occupants = world.occupancy->On(traffic.now.lane[i]);
+  const double s = traffic.now.s[i];
+  // In this step or the last one: one step more costs nothing and covers SUMO's rounding.
+  return std::any_of(occupants.begin(), occupants.end(), [&](const Occupant& o) {
+    return o.row != i && traffic.hazard[o.row] && o.s <= s && o.s > s - 2.0 * progress - 0.01;
+  });
 }
 
 }  // namespace
@@ -141,11 +155,10 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   context.corridor_max = tactics.corridor_max;
   context.free_speed = std::min(FreeSpeed(world, i, driving, way), tactics.speed_cap);
   context.vehicle = &vehicle;
-  const double horizon = std::max(10.0, speed * params_.dwa.horizon + 4.0);
-  const bool leader_beyond_view = leader.row != kNone && leader.gap > horizon;
-  if (leader_beyond_view) {
-    context.far_gap = leader.gap;
-    context.far_speed = leader.speed;
+  const double horizon = std::max({10.0, speed * params_.dwa.horizon + 4.0, speed * speed / (2.0 * vehicle.max_decel) + speed + 5.0});
+  if (leader.row != kNone && !traffic->hazard[leader.row]) {
+    context.leader_gap = leader.gap;
+    context.leader_speed = leader.speed;
   }
   Plan plan{0.0, now.d[i], PlanStatus::kOk};
   const bool queued = speed < kStandingSpeed && leader.row != kNone && leader.speed < kStandingSpeed &&
@@ -193,6 +206,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
 
   commands->lane_speed[i] = progress / curve.scale() / dt;
   commands->emergency[i] = next_speed < speed - vehicle.max_decel * dt - 1e-9;
+  commands->passed_on_lane[i] = PassedHazard(world, i, progress / curve.scale());
   const double border = 0.5 * network_.lanes[now.lane[i]].width;
   commands->change_lane[i] = tactics.lane_change != 0 && pose.d * tactics.lane_change > border ? tactics.lane_change : std::int8_t{0};
 }

@@ -51,7 +51,7 @@ void Traffic::RemoveRow(std::size_t row) {
   Resize(last);
 }
 
-void Commands::Resize(std::size_t n) { ResizeAll(n, lane_speed, change_lane, emergency); }
+void Commands::Resize(std::size_t n) { ResizeAll(n, lane_speed, change_lane, emergency, passed_on_lane); }
 
 std::size_t AgentStateBytes() {
   Traffic traffic;
@@ -59,7 +59,7 @@ std::size_t AgentStateBytes() {
   std::size_t motion = 0, rest = 0;
   WithColumns(traffic.now, [&](auto&... columns) { motion = row_bytes(columns...); });
   WithColumns(traffic, [&](auto&... columns) { rest = row_bytes(columns...); });
-  return 2 * motion + rest + sizeof(double) + sizeof(std::int8_t) + sizeof(std::uint8_t);
+  return 2 * motion + rest + sizeof(double) + sizeof(std::int8_t) + 2 * sizeof(std::uint8_t);
 }
 
 }  // namespace lanewise

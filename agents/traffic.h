@@ -68,6 +68,7 @@ struct Commands {
   std::vector<double> lane_speed;       ///< [m/s] progress along SUMO's lane.
   std::vector<std::int8_t> change_lane; ///< The front crosses into the neighbour lane in this step: +1, -1, 0.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
+  std::vector<std::uint8_t> passed_on_lane; ///< The front has just passed a standing vehicle of the same lane.
   void Resize(std::size_t n);
 };
 

@@ -441,6 +441,10 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
     // With checks on SUMO does not brake harder than the type's decel: in an emergency the agent brakes alone.
     SetChecks(row, guarded_[row] && !commands.emergency[row]);
     SumoVehicle::setSpeed(id, commands.lane_speed[row]);
+    if (commands.passed_on_lane[row]) {
+      // SUMO keeps a lane's vehicles in the order in which they came: put this one in front of whom it passed.
+      SumoVehicle::moveTo(id, network_.lanes[traffic->now.lane[row]].id, traffic->now.s[row]);
+    }
     const int change = commands.change_lane[row];
     if (change != 0) SumoVehicle::changeLane(id, network_.lanes[traffic->now.lane[row]].index + change, 0.0);
     Expect(row, commands.lane_speed[row], change, dt, *traffic);

@@ -494,7 +494,7 @@ class LaneCurveFitter {
   /// Minimises the integral of deviation^2 + smoothness^6 (third derivative)^2: kinks get rounded over about
   /// the length `smoothness`. Short lanes bend more: there it gives way.
   void AddSmoothness(double spacing, std::vector<Point2>* control, ceres::Problem* problem) const {
-    const double rounding = std::min(params_.smoothness, line_.length() / 12.0);
+    const double rounding = std::min(params_.smoothness, line_.length() / 4.0);
     const double weight = std::sqrt(std::pow(rounding, 6) * kSamples.size() / std::pow(spacing, 6));
     for (std::size_t i = 0; i + 3 < control->size(); ++i) {
       problem->AddResidualBlock(new ThirdDifference(weight), nullptr, Block(control, i));

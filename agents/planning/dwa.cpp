@@ -35,14 +35,35 @@ SpeedProfiles MakeSpeedProfiles(const AgentParams& params, const PlanContext& c,
   return profiles;
 }
 
+/// [m] the gap below which a rollout is dropped: less when creeping, as drivers do.
+float Margin(const DwaParams& params, const PlanContext& c) {
+  return static_cast<float>(params.clearance_margin * std::clamp(c.speed / 5.0, 0.3, 1.0));
+}
+
+/// Smallest and largest value of each course from each node to the last.
+void RangeFromNodeOn(const float (&value)[kPathNodes][kMaxCourses], int padded, float (&min)[kPathNodes][kMaxCourses],
+                     float (&max)[kPathNodes][kMaxCourses]) {
+  std::copy_n(value[kPathNodes - 1], padded, min[kPathNodes - 1]);
+  std::copy_n(value[kPathNodes - 1], padded, max[kPathNodes - 1]);
+  for (int n = kPathNodes - 2; n >= 0; --n) {
+#pragma omp simd
+    for (int j = 0; j < padded; ++j) {
+      const float here = value[n][j], min_next = min[n + 1][j], max_next = max[n + 1][j];
+      min[n][j] = here < min_next ? here : min_next;
+      max[n][j] = here > max_next ? here : max_next;
+    }
+  }
+}
+
 /// Distance driven and whether it still moves, under constant acceleration until standstill.
 float Travel(float speed, float accel, float time) {
   if (accel < 0.0f) time = std::min(time, speed / -accel);
   return speed * time + 0.5f * accel * time * time;
 }
 
-/// Lowers scratch->blocked_clearance[i][j] to the lateral gap of rollout (i, j) to road users beside
-/// and behind the ego, which move on at constant velocity. What is ahead limits the speed instead.
+/// Lowers scratch->blocked_clearance[i][j] to the lateral gap of rollout (i, j) to road users beside the ego,
+/// which move on at constant velocity. What is ahead limits the speed instead; what is behind keeps
+/// its own distance. Who is too near already must not come nearer: a rollout that keeps the gap is free.
 void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedProfiles& profiles, PlanScratch* scratch) {
   const RoadView& view = scratch->view;
   const CourseSet& courses = scratch->courses;
@@ -50,17 +71,22 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   for (int i = 0; i < profiles.count; ++i) std::fill_n(scratch->blocked_clearance[i], padded, 1e3f);
   const float ego_length = static_cast<float>(c.vehicle->length);
   const int checks = static_cast<int>(params.dwa.horizon / kCheckPeriod);
+  const float half_width = static_cast<float>(0.5 * c.vehicle->width);
   float leftmost = -1e3f, rightmost = 1e3f;
   for (int j = 0; j < courses.count; ++j) {
-    leftmost = std::max(leftmost, courses.left_on[0][j]);
-    rightmost = std::min(rightmost, courses.right_on[0][j]);
+    leftmost = std::max({leftmost, courses.front_max[0][j] + half_width, courses.rear_max[0][j] + half_width});
+    rightmost = std::min({rightmost, courses.front_min[0][j] - half_width, courses.rear_min[0][j] - half_width});
   }
-  const float comfort = static_cast<float>(params.dwa.clearance_comfort);
+  const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
-    if (o.s - o.half_length > 0.0f) continue;
+    if (o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
     const float drift = std::abs(o.speed_d) * static_cast<float>(params.dwa.horizon);
     if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort) continue;
+    const float left_now = std::max(courses.front[0][0], courses.rear[0][0]) + half_width;
+    const float right_now = std::min(courses.front[0][0], courses.rear[0][0]) - half_width;
+    const float gap_now = std::max(right_now - (o.d + o.half_width), o.d - o.half_width - left_now);
+    const float allowance = std::max(0.0f, margin - gap_now) + 0.02f;
     for (int i = 0; i < profiles.count; ++i) {
       for (int k = 0; k <= checks; ++k) {
         const float t = static_cast<float>(k) * kCheckPeriod;
@@ -68,14 +94,17 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
         const float obstacle_s = o.s + o.speed_s * t;
         if (obstacle_s + o.half_length < front - ego_length || obstacle_s - o.half_length > front) continue;
         const int n = std::min(kPathNodes - 1, static_cast<int>(front / view.spacing));
-        const float obstacle_left = o.d + o.speed_d * t + o.half_width;
-        const float obstacle_right = o.d + o.speed_d * t - o.half_width;
+        // Room between the centre lines: half the ego's width is taken off here once for all courses.
+        const float obstacle_left = o.d + o.speed_d * t + o.half_width - allowance + half_width;
+        const float obstacle_right = o.d + o.speed_d * t - o.half_width + allowance - half_width;
         float* clearance = scratch->blocked_clearance[i];
-        const float* right = courses.right[n];
-        const float* left = courses.left[n];
+        const float* ego_front = courses.front[n];
+        const float* ego_rear = courses.rear[n];
 #pragma omp simd
         for (int j = 0; j < padded; ++j) {
-          const float gap_right = right[j] - obstacle_left, gap_left = obstacle_right - left[j];
+          const float low = ego_front[j] < ego_rear[j] ? ego_front[j] : ego_rear[j];
+          const float high = ego_front[j] < ego_rear[j] ? ego_rear[j] : ego_front[j];
+          const float gap_right = low - obstacle_left, gap_left = obstacle_right - high;
           const float gap = gap_right > gap_left ? gap_right : gap_left;
           clearance[j] = gap < clearance[j] ? gap : clearance[j];
         }
@@ -104,7 +133,6 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   }
   const VehicleParams& vehicle = *c.vehicle;
   const float l_r = static_cast<float>(vehicle.rear_axle_to_front);
-  const float half_width = static_cast<float>(0.5 * vehicle.width);
   const float length = static_cast<float>(vehicle.length);
   const float gain = static_cast<float>(1.0 / std::max(driving.tracking_distance, c.speed * driving.tracking_time));
   const float max_course = static_cast<float>(driving.max_course_angle);
@@ -120,13 +148,12 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const float* target = courses->target.data();
   for (int n = 0; n < kPathNodes; ++n) {
     const float curvature = view.curvature[n];
-    float* right = courses->right[n];
-    float* left = courses->left[n];
+    float* front = courses->front[n];
+    float* rear = courses->rear[n];
 #pragma omp simd
     for (int j = 0; j < padded; ++j) {
-      const float rear = d[j] - length * heading[j];
-      right[j] = (rear < d[j] ? rear : d[j]) - half_width;
-      left[j] = (rear > d[j] ? rear : d[j]) + half_width;
+      front[j] = d[j];
+      rear[j] = d[j] - length * heading[j];
       // The tracking law of the steering controller; then one step of the bicycle in distance.
       float course = gain * (target[j] - d[j]);
       course = course > max_course ? max_course : (course < -max_course ? -max_course : course);
@@ -141,17 +168,8 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
     }
   }
   std::copy_n(d, padded, courses->end.begin());
-  std::copy_n(courses->right[kPathNodes - 1], padded, courses->right_on[kPathNodes - 1]);
-  std::copy_n(courses->left[kPathNodes - 1], padded, courses->left_on[kPathNodes - 1]);
-  for (int n = kPathNodes - 2; n >= 0; --n) {
-#pragma omp simd
-    for (int j = 0; j < padded; ++j) {
-      const float right = courses->right[n][j], right_next = courses->right_on[n + 1][j];
-      const float left = courses->left[n][j], left_next = courses->left_on[n + 1][j];
-      courses->right_on[n][j] = right < right_next ? right : right_next;
-      courses->left_on[n][j] = left > left_next ? left : left_next;
-    }
-  }
+  RangeFromNodeOn(courses->front, padded, courses->front_min, courses->front_max);
+  RangeFromNodeOn(courses->rear, padded, courses->rear_min, courses->rear_max);
 }
 
 void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& c, CourseSet* courses) {
@@ -163,14 +181,16 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     const double safe = SafeSpeed(room, leader_speed, vehicle.max_decel, vehicle.time_gap);
     return std::pair{std::min(safe, SafeSpeed(room, leader_speed, comfort_decel, vehicle.time_gap)), safe};
   };
-  const auto [far_comfort, far_safe] = limits(c.far_gap, c.far_speed);
-  std::fill_n(courses->comfort_speed.begin(), padded, static_cast<float>(std::min(c.free_speed, far_comfort)));
-  std::fill_n(courses->safe_speed.begin(), padded, static_cast<float>(far_safe));
+  const auto [lane_comfort, lane_safe] = limits(c.leader_gap, c.leader_speed);
+  std::fill_n(courses->comfort_speed.begin(), padded, static_cast<float>(std::min(c.free_speed, lane_comfort)));
+  std::fill_n(courses->safe_speed.begin(), padded, static_cast<float>(lane_safe));
   std::fill_n(courses->clearance.begin(), padded, 1e3f);
-  courses->leader_gap = static_cast<float>(c.far_gap);
-  courses->leader_speed = static_cast<float>(c.far_speed);
+  courses->leader_gap = static_cast<float>(c.leader_gap);
+  courses->leader_speed = static_cast<float>(c.leader_speed);
 
-  const float margin = static_cast<float>(params.dwa.clearance_margin);
+  const float margin = Margin(params.dwa, c);
+  const float half_width = static_cast<float>(0.5 * vehicle.width);
+  const int body_nodes = static_cast<int>(std::ceil(vehicle.length / view.spacing));
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
     const float gap = o.s - o.half_length;
@@ -178,24 +198,32 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     const auto [comfort, safe] = limits(gap, std::max(0.0f, o.speed_s));
     // What moves across sweeps a band until the ego is there.
     const float drift = o.speed_d * std::min(static_cast<float>(params.dwa.horizon), gap / std::max(1.0f, static_cast<float>(c.speed)));
-    const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift);
-    const float obstacle_left = o.d + o.half_width + std::max(0.0f, drift);
+    const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift) - half_width;
+    const float obstacle_left = o.d + o.half_width + std::max(0.0f, drift) + half_width;
+    // The front passes the obstacle from this node on, the rear a body length later.
     const int n = std::min(kPathNodes - 1, static_cast<int>(gap / view.spacing));
-    const float* right = courses->right_on[n];
-    const float* left = courses->left_on[n];
+    const int n_rear = std::min(kPathNodes - 1, n + body_nodes);
+    const float* front_min = courses->front_min[n];
+    const float* front_max = courses->front_max[n];
+    const float* rear_min = courses->rear_min[n_rear];
+    const float* rear_max = courses->rear_max[n_rear];
+    const auto lateral_gap_of = [&](int j) {
+      const float low = front_min[j] < rear_min[j] ? front_min[j] : rear_min[j];
+      const float high = front_max[j] > rear_max[j] ? front_max[j] : rear_max[j];
+      const float gap_right = low - obstacle_left, gap_left = obstacle_right - high;
+      return gap_right > gap_left ? gap_right : gap_left;
+    };
     const float comfort_speed = static_cast<float>(comfort), safe_speed = static_cast<float>(safe);
 #pragma omp simd
     for (int j = 0; j < padded; ++j) {
-      const float gap_right = right[j] - obstacle_left, gap_left = obstacle_right - left[j];
-      const float lateral_gap = gap_right > gap_left ? gap_right : gap_left;
+      const float lateral_gap = lateral_gap_of(j);
       const bool in_course = lateral_gap < margin;
       const float comfort_j = courses->comfort_speed[j], safe_j = courses->safe_speed[j], clear_j = courses->clearance[j];
       courses->comfort_speed[j] = in_course && comfort_speed < comfort_j ? comfort_speed : comfort_j;
       courses->safe_speed[j] = in_course && safe_speed < safe_j ? safe_speed : safe_j;
       courses->clearance[j] = !in_course && lateral_gap < clear_j ? lateral_gap : clear_j;
     }
-    const bool leads = std::max(right[0] - obstacle_left, obstacle_right - left[0]) < margin;
-    if (leads && gap < courses->leader_gap) {
+    if (lateral_gap_of(0) < margin && gap < courses->leader_gap) {
       courses->leader_gap = gap;
       courses->leader_speed = std::max(0.0f, o.speed_s);
     }
@@ -211,20 +239,22 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
 
   const DwaParams& w = params.dwa;
   const float free_speed = static_cast<float>(std::max(1.0, c.free_speed));
-  const float margin = static_cast<float>(w.clearance_margin), comfort = static_cast<float>(w.clearance_comfort);
+  const float margin = Margin(w, c), comfort = static_cast<float>(w.clearance_comfort);
+  const float slowest = profiles.next_speed[1], fastest = profiles.next_speed[profiles.count - 1];
   float best_cost = std::numeric_limits<float>::infinity();
   Plan plan{-c.vehicle->max_decel, c.d, PlanStatus::kNoFeasibleCommand};
   for (int j = 0; j < courses.count; ++j) {
     const float reference = courses.comfort_speed[j];
-    const float path_cost = static_cast<float>(w.path_weight) * std::abs(courses.end[j] - static_cast<float>(c.target_d)) +
+    const float path_cost = static_cast<float>(w.path_weight) * std::abs(courses.target[j] - static_cast<float>(c.target_d)) +
                             static_cast<float>(w.goal_weight) * std::max(0.0f, free_speed - reference) / free_speed;
     if (path_cost >= best_cost) continue;
+    const float reachable = std::clamp(reference, slowest, fastest);
     for (int i = 0; i < profiles.count; ++i) {
       const float speed = profiles.next_speed[i];
       const float clearance = std::min(courses.clearance[j], scratch->blocked_clearance[i][j]);
       if (clearance < margin || speed > courses.safe_speed[j] + 1e-4f) continue;
       const float cost = path_cost +
-                         static_cast<float>(w.speed_weight) * std::abs(speed - reference) / free_speed +
+                         static_cast<float>(w.speed_weight) * std::abs(speed - reachable) / free_speed +
                          static_cast<float>(w.clearance_weight) * std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f)) +
                          static_cast<float>(w.comfort_weight) * std::abs(profiles.accel[i]) / static_cast<float>(c.vehicle->max_decel);
       if (cost < best_cost) {

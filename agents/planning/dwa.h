@@ -30,8 +30,8 @@ struct PlanContext {
   double target_d{0.0};       ///< [m] wanted lateral position.
   double corridor_min{0.0}, corridor_max{0.0};  ///< [m] lateral positions a course may aim at.
   double free_speed{0.0};     ///< [m/s] wanted without obstacles.
-  double far_gap{std::numeric_limits<double>::infinity()};  ///< [m] to the leader on the lane, beyond the view too.
-  double far_speed{0.0};      ///< [m/s] of that leader.
+  double leader_gap{std::numeric_limits<double>::infinity()};  ///< [m] to the leader on the lane, in the view or beyond.
+  double leader_speed{0.0};   ///< [m/s] of that leader.
   const VehicleParams* vehicle{nullptr};
 };
 
@@ -42,9 +42,11 @@ struct CourseSet {
   int count{0};
   alignas(64) std::array<float, kMaxCourses> target;        ///< [m] lateral position aimed at.
   alignas(64) std::array<float, kMaxCourses> end;           ///< [m] lateral position reached at the last node.
-  /// [m] right and left border of the body at path node n, and of the whole way from node n on.
-  alignas(64) float right[kPathNodes][kMaxCourses], left[kPathNodes][kMaxCourses];
-  alignas(64) float right_on[kPathNodes][kMaxCourses], left_on[kPathNodes][kMaxCourses];
+  /// [m] lateral position of the middle of the front and of the rear bumper when the front is at path node n.
+  alignas(64) float front[kPathNodes][kMaxCourses], rear[kPathNodes][kMaxCourses];
+  /// [m] range of both from node n on.
+  alignas(64) float front_min[kPathNodes][kMaxCourses], front_max[kPathNodes][kMaxCourses];
+  alignas(64) float rear_min[kPathNodes][kMaxCourses], rear_max[kPathNodes][kMaxCourses];
   alignas(64) std::array<float, kMaxCourses> comfort_speed; ///< [m/s] braking comfortably for what stands in the course.
   alignas(64) std::array<float, kMaxCourses> safe_speed;    ///< [m/s] the admissible limit.
   alignas(64) std::array<float, kMaxCourses> clearance;     ///< [m] to what is passed.

@@ -160,6 +160,15 @@ void PrepareChange(const Ego& ego, const NeededChange& needed, const Neighborhoo
   }
 }
 
+/// While it goes over, the ego may use the room it kept, slowly.
+void CreepOver(const Ego& ego, const NeededChange& needed, Tactics* tactics) {
+  constexpr double kCreepSpeed = 4.0, kLastRoom = 3.0;  // [m/s], [m]
+  const double brake = SafeSpeed(needed.remaining - kLastRoom, 0.0, ego.params.driving.comfort_decel, 0.5);
+  const double reserve = std::min(ego.params.lane_change.reserve, 0.5 * ego.lane.length);
+  const double to_reserve = SafeSpeed(needed.remaining - reserve, 0.0, ego.params.driving.comfort_decel, 0.5);
+  tactics->speed_cap = std::min(brake, std::max(to_reserve, kCreepSpeed));
+}
+
 /// Goes on with, gives up or begins a change to `side`.
 void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& leader, Tactics* tactics) {
   const LaneChangeParams& p = ego.params.lane_change;
@@ -182,7 +191,7 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     tactics->blinker = tactics->lane_change;
     tactics->urgent = urgent;
     tactics->target_d = under_way * Spacing(ego, neighbor);
-    if (urgent) PrepareChange(ego, needed, {}, 0.0, tactics);
+    if (urgent) CreepOver(ego, needed, tactics);
     return;
   }
 
@@ -197,6 +206,7 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     if (neighbor != kNone && !too_late && GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
       tactics->lane_change = static_cast<std::int8_t>(needed.side);
       tactics->target_d = needed.side * Spacing(ego, neighbor);
+      CreepOver(ego, needed, tactics);
     }
     return;
   }

@@ -38,12 +38,14 @@ WayAhead LookAheadFrom(const World& world, AgentIndex ego, LaneIndex lane, doubl
 }
 
 /// The first vehicle on `way` whose front is ahead of the ego's.
-Leader FirstOnWay(const World& world, AgentIndex ego, const WayAhead& way) {
+/// @param straddling also take vehicles that only reach over from the neighbour lane.
+Leader FirstOnWay(const World& world, AgentIndex ego, const WayAhead& way, bool straddling) {
   const Traffic& traffic = *world.traffic;
   for (int k = 0; k < way.count; ++k) {
     for (const Occupant& occupant : world.occupancy->On(way.lanes[k].lane)) {
       const double ahead = way.lanes[k].start + occupant.s;
       if (ahead < 0.0 || (ahead == 0.0 && occupant.row <= ego) || occupant.row == ego) continue;
+      if (!straddling && traffic.now.lane[occupant.row] != way.lanes[k].lane) continue;
       return {occupant.row, ahead - traffic.params[occupant.row].length, traffic.now.speed[occupant.row]};
     }
   }
@@ -121,6 +123,7 @@ Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
   obstacle.half_width = half_length * std::abs(across) + half_width * std::abs(along);
   obstacle.speed_s = speed * along;
   obstacle.speed_d = speed * across;
+  obstacle.along = along;
   obstacle.row = row;
   obstacle.hazard = traffic.hazard[row] != 0;
   return obstacle;
@@ -153,10 +156,10 @@ WayAhead LookAhead(const World& world, AgentIndex ego, double distance) {
   return LookAheadFrom(world, ego, world.traffic->now.lane[ego], world.traffic->now.s[ego], distance);
 }
 
-Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way) { return FirstOnWay(world, ego, way); }
+Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way) { return FirstOnWay(world, ego, way, false); }
 
 Leader FindLeaderOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookahead) {
-  return FirstOnWay(world, ego, LookAheadFrom(world, ego, lane, s, lookahead));
+  return FirstOnWay(world, ego, LookAheadFrom(world, ego, lane, s, lookahead), true);
 }
 
 Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback) {
@@ -183,10 +186,9 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (std::abs(obstacle.d) > reach_across + obstacle.half_width) return;
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
-    const double speed = world.traffic->now.speed[row];
-    const bool with_us = obstacle.speed_s > 0.5f * static_cast<float>(speed) ||
-                         (speed < 0.1 && std::cos(world.traffic->now.heading[row] -
-                                                  std::atan2(view->sin_heading[0], view->cos_heading[0])) > 0.5);
+    const LaneIndex lane = world.traffic->now.lane[row];
+    const bool waits_outside = world.traffic->now.speed[row] < 0.1 && lane != kNone && !world.network->lanes[lane].internal;
+    const bool with_us = obstacle.along > 0.5f || waits_outside;
     if (!crossing_traffic && !person && !obstacle.hazard && !with_us) return;
     Keep(obstacle, view);
   });

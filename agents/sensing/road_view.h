@@ -53,7 +53,8 @@ struct Leader {
   double speed{0.0};                                     ///< [m/s]
 };
 
-/// Nearest vehicle ahead on the ego's way (own lane and the lanes it leads to), within the way's length.
+/// Nearest vehicle ahead whose front is on the ego's way (own lane and the lanes it leads to), within the way's
+/// length. It is followed wherever it stands in the lane: within a lane nobody passes, hazards excepted.
 Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way);
 
 /// Nearest vehicle ahead of and behind position s on `lane`; vehicles beside the ego count with a
@@ -66,6 +67,7 @@ struct Obstacle {
   float s, d;                    ///< [m] middle of its box.
   float half_length, half_width; ///< [m] extent along and across the path.
   float speed_s, speed_d;        ///< [m/s]
+  float along;                   ///< Cosine of its heading to the path's.
   AgentIndex row;
   bool hazard;                   ///< Stands with hazard lights, or is a person: may be passed at any time.
 };

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -28,7 +27,9 @@ class SpatialGrid {
  private:
   /// Column or row of a coordinate. Saturates far outside any map (and for NaN), so the cast is defined.
   std::int32_t CellOf(double coordinate) const {
-    const double scaled = std::fmin(std::fmax(coordinate / cell_size_, -2e9), 2e9);
+    double scaled = coordinate / cell_size_;
+    scaled = scaled > -2e9 ? scaled : -2e9;  // Comparisons inline; std::fmax would be a call.
+    scaled = scaled < 2e9 ? scaled : 2e9;
     const auto truncated = static_cast<std::int32_t>(scaled);
     return truncated - (scaled < static_cast<double>(truncated) ? 1 : 0);
   }

@@ -14,13 +14,13 @@ struct ClassShape {
   double max_steering_angle;
   double accel_lag;
 };
-constexpr ClassShape kCar{"passenger", 0.58, 0.22, 0.60, 0.15};
+constexpr ClassShape kCar{"passenger", 0.58, 0.22, 0.70, 0.15};
 constexpr std::array<ClassShape, 8> kShapes{{kCar,
                                              {"bus", 0.49, 0.28, 0.80, 0.30},
                                              {"coach", 0.49, 0.28, 0.80, 0.30},
                                              {"truck", 0.55, 0.30, 0.75, 0.30},
                                              {"trailer", 0.45, 0.25, 0.80, 0.35},
-                                             {"delivery", 0.58, 0.24, 0.65, 0.20},
+                                             {"delivery", 0.58, 0.24, 0.72, 0.20},
                                              {"bicycle", 0.65, 0.18, 0.90, 0.10},
                                              {"motorcycle", 0.65, 0.18, 0.70, 0.10}}};
 

@@ -20,8 +20,8 @@ struct VehicleParams {
 
   double wheelbase{2.8};          ///< [m] rear to front axle, L.
   double rear_axle_to_front{3.9}; ///< [m] rear axle to front bumper: l_r of [C] for our reference point.
-  double max_steering_angle{0.6}; ///< [rad] at the road wheel.
-  double max_steering_rate{0.8};  ///< [rad/s] at the road wheel.
+  double max_steering_angle{0.7}; ///< [rad] at the road wheel.
+  double max_steering_rate{1.2};  ///< [rad/s] at the road wheel.
   double accel_lag{0.15};         ///< [s] first-order lag of the powertrain and the brakes.
   double steering_lag{0.10};      ///< [s] first-order lag of the steering.
 };
