@@ -232,7 +232,15 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double time, double dt, Traffic
 }
 
 void VehicleBridge::FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic) {
-  if (network_.lanes[lane].internal) return;
+  if (network_.lanes[lane].internal) {
+    // Edges shorter than a step are passed unseen: the edge left last is the one that ends at this junction.
+    const auto route = traffic->plan[row]->route();
+    const std::int32_t junction = network_.edges[network_.lanes[lane].edge].to_junction;
+    std::size_t position = static_cast<std::size_t>(traffic->route_position[row]);
+    while (position < route.size() && network_.edges[route[position]].to_junction != junction) ++position;
+    if (position < route.size()) traffic->route_position[row] = static_cast<std::int32_t>(position);
+    return;
+  }
   if (SumoVehicle::getRouteID(records_[row].id) != coupled_[row].route_id) Replan(row, traffic);
   const auto route = traffic->plan[row]->route();
   std::int32_t& position = traffic->route_position[row];

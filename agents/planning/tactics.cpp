@@ -12,6 +12,9 @@ namespace {
 constexpr float kChangePause = 4.0f;
 /// [m] how far a hazard ahead makes a vehicle leave the lane.
 constexpr double kHazardLookahead = 100.0;
+/// [m/s], [m] in a queue: slower is crawling; the room that is enough beside a vehicle that crawls.
+constexpr double kCrawlSpeed = 1.0;
+constexpr double kStandingGap = 0.2;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -71,11 +74,13 @@ bool GapAccepted(const Ego& ego, const Leader& ahead, const Leader& behind, doub
   const LaneChangeParams& p = ego.params.lane_change;
   const double reaction = 0.7 - 0.4 * urgency;
   const double decel = p.safe_decel + 1.5 * urgency;
-  if (ahead.row != kNone && (ahead.gap < p.min_gap || ego.speed > SafeSpeed(ahead.gap - p.min_gap, ahead.speed, decel, reaction) + 0.3)) {
+  // Who stands behind has stopped to let the ego in, or will see it: any room is enough.
+  const double min_behind = behind.speed < kCrawlSpeed ? kStandingGap : p.min_gap;
+  if (ahead.row != kNone && (ahead.gap < (urgency > 0.0 ? kStandingGap : p.min_gap) || ego.speed > SafeSpeed(ahead.gap - kStandingGap, ahead.speed, decel, reaction) + 0.3)) {
     return false;
   }
   return behind.row == kNone ||
-         (behind.gap >= p.min_gap && behind.speed <= SafeSpeed(behind.gap - p.min_gap, ego.speed, decel, reaction) + 0.3);
+         (behind.gap >= min_behind && behind.speed <= SafeSpeed(behind.gap - min_behind, ego.speed, decel, reaction) + 0.3);
 }
 
 /// MOBIL incentive [m/s^2] for the neighbour lane.
@@ -137,10 +142,12 @@ void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
       if (front > 50.0 || front > leader_front) break;
       const bool asks = traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side && traffic.now.lane[other.row] == neighbor;
       if (!asks) continue;
+      const double gap = front - traffic.params[other.row].length;
+      // Beside a vehicle that stands, waiting makes no room: who is further back lets it in.
+      if (gap < kStandingGap && traffic.now.speed[other.row] < kCrawlSpeed) continue;
       const std::int32_t number = traffic.number[other.row];
       if (tactics->yielded_to != kNone && tactics->yielded_to != number) break;
       tactics->yielded_to = number;
-      const double gap = front - traffic.params[other.row].length;
       const double decel = ego.params.lane_change.cooperation_decel;
       tactics->speed_cap = std::min(tactics->speed_cap, SoftCap(ego, FollowSpeed(ego, gap, traffic.now.speed[other.row], decel), decel));
       break;
