@@ -21,7 +21,7 @@ struct DwaParams {
 /// What an agent wants and tolerates on the road, whatever its policy.
 struct DrivingParams {
   double comfort_decel{3.0};
-  double max_lateral_accel{4.0};
+  double max_lateral_accel{5.5};
   double tracking_time{0.9};
   double tracking_distance{3.0};
   double max_course_angle{0.35};
@@ -84,7 +84,7 @@ struct AgentParams {
           "braking an agent plans with; it may use its type's decel and emergency decel when it must",
           "ISO 15622 comfort limit 3.5");
     field("driving.max_lateral_accel", p.driving.max_lateral_accel, "m/s^2", Range{0.5, 9},
-          "sets the speed in bends: v = sqrt(a / curvature)", "urban drivers 3-4; netconvert's own turn limit is 5.5");
+          "sets the speed in bends: v = sqrt(a / curvature)", "netconvert --junctions.limit-turn-speed 5.5");
     field("driving.tracking_time", p.driving.tracking_time, "s", Range{0.2, 5},
           "time constant of the return to the reference path", "Stanley-type law, gain 1 / max(v t, d)");
     field("driving.tracking_distance", p.driving.tracking_distance, "m", Range{0.5, 20},

@@ -314,13 +314,18 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
 
   // Watch for agents that stand at the end of a lane that does not lead on.
   const Lane& here = network_.lanes[lane];
-  const std::size_t position = static_cast<std::size_t>(traffic->route_position[row]);
-  const auto route = traffic->plan[row]->route();
-  const bool dead_end = !here.internal && position + 1 < route.size() && route[position] == here.edge &&
-                        traffic->plan[row]->At(position, here.index).connection == kNone;
-  const bool halts = dead_end && speed < kStandingSpeed && here.length - s < kLaneEndZone;
+  const bool halts = IsDeadEnd(row, *traffic) && speed < kStandingSpeed && here.length - s < kLaneEndZone;
   if (halts && !coupled.halted_at_lane_end) ++lane_end_halts_;
   coupled.halted_at_lane_end = halts;
+}
+
+bool VehicleBridge::IsDeadEnd(std::size_t row, const Traffic& traffic) const {
+  const LaneIndex lane = traffic.now.lane[row];
+  if (lane == kNone || traffic.plan[row] == nullptr || network_.lanes[lane].internal) return false;
+  const std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
+  const auto route = traffic.plan[row]->route();
+  return position + 1 < route.size() && route[position] == network_.lanes[lane].edge &&
+         traffic.plan[row]->At(position, network_.lanes[lane].index).connection == kNone;
 }
 
 void VehicleBridge::Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic) {
@@ -361,7 +366,7 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   traffic->stop_distance[row] = kFar;
   traffic->stop_lane[row] = kNone;
   traffic->hazard[row] = 0;
-  if (coupled.stops.empty()) return;
+  if (coupled.stops.empty() && !coupled.handed_back) return;
   const std::string& id = records_[row].id;
   const bool native = !coupled.commanded;
   if (native) {
@@ -394,7 +399,9 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   }
   const double speed = traffic->now.speed[row];
   const double braking = speed * speed / (2.0 * params_.driving.comfort_decel) + 2.0 * speed;
-  const bool hand_back = traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin;
+  // Having served a stop in a bay or on a bus lane, SUMO also brings the vehicle back to a lane that leads on.
+  const bool hand_back = traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin ||
+                         (coupled.handed_back && IsDeadEnd(row, *traffic));
   if (hand_back == coupled.handed_back) return;
   coupled.handed_back = hand_back;
   coupled.commanded = false;

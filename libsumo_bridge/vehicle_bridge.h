@@ -100,6 +100,8 @@ class VehicleBridge {
   void Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic);
   void Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic);
   void SetChecks(std::size_t row, bool on);
+  /// Is the vehicle on a lane that does not lead along its route?
+  bool IsDeadEnd(std::size_t row, const Traffic& traffic) const;
   bool NeedsGuard(std::size_t row, const Traffic& traffic) const;
   const RoutePlan* PlanFor(const std::vector<std::string>& edges, VehicleClassMask vehicle_class);
   Policy PolicyOf(const std::string& id, const std::string& type, const std::string& vehicle_class);

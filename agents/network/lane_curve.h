@@ -42,9 +42,9 @@ class LaneCurve {
 struct CurveFitParams {
   double knot_spacing{2.0};        ///< [m] between spline control points.
   double smoothness{3.0};          ///< [m] length over which kinks are rounded; its sixth power weighs the squared third derivative against the squared deviation.
-  double max_lateral_accel{4.0};   ///< [m/s^2] for SpeedCap.
+  double max_lateral_accel{5.5};   ///< [m/s^2] for SpeedCap.
   double comfort_decel{2.5};       ///< [m/s^2] braking before a bend, for SpeedCap.
-  double curvature_window{5.0};    ///< [m] of curve whose mean curvature counts for SpeedCap: about a car's length.
+  double curvature_window{10.0};    ///< [m] of curve whose mean curvature counts for SpeedCap: about a car's length.
 };
 
 /// One curve a lane, by LaneIndex. Fitted with Ceres, in parallel; the result does not depend on the number of threads.

@@ -15,6 +15,8 @@ constexpr double kHazardLookahead = 100.0;
 /// [m/s], [m] in a queue: slower is crawling; the room that is enough beside a vehicle that crawls.
 constexpr double kCrawlSpeed = 1.0;
 constexpr double kStandingGap = 0.2;
+/// [m] before its lane's end a vehicle is let in; further back it has time to find a gap itself.
+constexpr double kLetInZone = 60.0;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -136,12 +138,13 @@ void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
   for (const int side : {-1, +1}) {
     const LaneIndex neighbor = ego.world.network->Neighbor(ego.now().lane[ego.row], side);
     if (neighbor == kNone) continue;
+    const Lane& its_lane = ego.world.network->lanes[neighbor];
     for (const Occupant& other : ego.world.occupancy->On(neighbor)) {
       const double front = other.s - ego.s;
       if (front <= 0.0 || other.row == ego.row) continue;
       if (front > 50.0 || front > leader_front) break;
       const bool asks = traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side && traffic.now.lane[other.row] == neighbor;
-      if (!asks) continue;
+      if (!asks || its_lane.length - other.s > kLetInZone) continue;
       const double gap = front - traffic.params[other.row].length;
       // Beside a vehicle that stands, waiting makes no room: who is further back lets it in.
       if (gap < kStandingGap && traffic.now.speed[other.row] < kCrawlSpeed) continue;
