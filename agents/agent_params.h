@@ -31,7 +31,7 @@ struct DrivingParams {
 };
 
 struct LaneChangeParams {
-  double lookahead_time{10.0};
+  double lookahead_time{35.0};
   double lookahead_distance{30.0};
   double reserve{14.0};
   double gain_threshold{0.35};
@@ -97,8 +97,8 @@ struct AgentParams {
           "lateral room kept to a broken-down vehicle passed within the lane", "own choice");
     field("driving.guard_margin", p.driving.guard_margin, "m", Range{0, 100},
           "rules = sumo: SUMO's checks come on this much before braking distance to a junction", "own choice");
-    field("lane_change.lookahead_time", p.lane_change.lookahead_time, "s", Range{1, 60},
-          "a needed change is begun this many seconds before the lane ends, per lane", "SUMO LC2013 uses 10");
+    field("lane_change.lookahead_time", p.lane_change.lookahead_time, "s", Range{1, 120},
+          "a needed change is begun this many seconds before the lane ends, per lane", "SUMO LC2013 uses 10 and changes at once; a lateral motion in dense queues needs more");
     field("lane_change.lookahead_distance", p.lane_change.lookahead_distance, "m", Range{0, 500},
           "and at least at this distance, per lane", "own choice");
     field("lane_change.reserve", p.lane_change.reserve, "m", Range{0, 100},

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "agents/planning/car_following.h"
+#include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
 namespace {
@@ -138,6 +139,7 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const float max_course = static_cast<float>(driving.max_course_angle);
   const float max_slip = static_cast<float>(std::atan(vehicle.rear_axle_to_front / vehicle.wheelbase * std::tan(vehicle.max_steering_angle)));
   const float spacing = view.spacing;
+  const int half_body = static_cast<int>(0.5f * length / spacing);
   // Steering turns at a rate in time; over one node it can turn by rate * spacing / speed.
   const float max_turn = static_cast<float>(vehicle.max_steering_rate) * spacing / std::max(1.0f, static_cast<float>(c.speed));
 
@@ -148,12 +150,13 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const float* target = courses->target.data();
   for (int n = 0; n < kPathNodes; ++n) {
     const float curvature = view.curvature[n];
+    const float bend = static_cast<float>(BendAlongBody(vehicle.length, n < half_body ? view.curvature_at_body : view.curvature[n - half_body]));
     float* front = courses->front[n];
     float* rear = courses->rear[n];
 #pragma omp simd
     for (int j = 0; j < padded; ++j) {
       front[j] = d[j];
-      rear[j] = d[j] - length * heading[j];
+      rear[j] = d[j] - length * heading[j] - bend;
       // The tracking law of the steering controller; then one step of the bicycle in distance.
       float course = gain * (target[j] - d[j]);
       course = course > max_course ? max_course : (course < -max_course ? -max_course : course);

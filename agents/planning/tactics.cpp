@@ -16,7 +16,7 @@ constexpr double kHazardLookahead = 100.0;
 constexpr double kCrawlSpeed = 1.0;
 constexpr double kStandingGap = 0.2;
 /// [m] before its lane's end a vehicle is let in; further back it has time to find a gap itself.
-constexpr double kLetInZone = 60.0;
+constexpr double kLetInZone = 150.0;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -183,7 +183,7 @@ void CreepOver(const Ego& ego, const NeededChange& needed, Tactics* tactics) {
 void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& leader, Tactics* tactics) {
   const LaneChangeParams& p = ego.params.lane_change;
   const double to_lane_end = ego.lane.length - ego.s;
-  const double lookahead = needed.count * (p.lookahead_time * std::max(ego.speed, 5.0) + p.lookahead_distance);
+  const double lookahead = needed.count * (p.lookahead_time * ego.speed_limit + p.lookahead_distance);
   const bool urgent = needed.side != 0 && needed.remaining < lookahead;
   // Too near to the junction to bring the front across the border before it.
   const bool too_late = to_lane_end < 3.0 + 1.2 * ego.speed && !(urgent && needed.remaining <= to_lane_end + 1.0);

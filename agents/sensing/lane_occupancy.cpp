@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/vehicle/kinematic_bicycle.h"
+
 namespace lanewise {
 
 LaneOccupancy::LaneOccupancy(const RoadNetwork& network)
@@ -15,7 +17,8 @@ void LaneOccupancy::Build(const Traffic& traffic) {
     const LaneIndex lane = now.lane[i];
     if (lane == kNone) return;
     place(lane);
-    const double rear_d = now.d[i] - traffic.params[i].length * std::sin(now.heading_error[i]);
+    const double length = traffic.params[i].length;
+    const double rear_d = now.d[i] - length * std::sin(now.heading_error[i]) - BendAlongBody(length, now.curvature[i]);
     const double reach = 0.5 * (network_.lanes[lane].width - traffic.params[i].width);
     const auto place_neighbor = [&](int side) {
       const LaneIndex neighbor = network_.Neighbor(lane, side);

@@ -79,6 +79,7 @@ inline constexpr int kPathNodes = 16;
 struct RoadView {
   float spacing{1.0f};                        ///< [m] between nodes.
   std::array<float, kPathNodes> curvature{};  ///< [1/m]
+  float curvature_at_body{0.0f};              ///< [1/m] half a vehicle's length behind the front.
   std::array<float, kPathNodes> x{}, y{}, cos_heading{}, sin_heading{};  ///< Relative to origin, world axes.
   double origin_x{0.0}, origin_y{0.0};        ///< [m] world, path point beside the front bumper.
   std::array<Obstacle, kMaxObstacles> obstacles;
