@@ -104,6 +104,17 @@ void CheckCanAppend(const fs::path& path, bool exists) {
   }
 }
 
+void CheckOpen(const fs::path& path, ResultsFile::Mode mode) {
+  std::error_code error;
+  const bool exists = fs::exists(path, error);
+  if (fs::is_directory(path, error)) Refuse(path, "it is a folder; name a file");
+  if (mode == ResultsFile::Mode::kRead && !exists) Refuse(path, "there is no such file");
+  if (mode == ResultsFile::Mode::kAppend) CheckCanAppend(path, exists);
+  // An empty file holds nothing to lose (mktemp makes one); for reading it is no results file.
+  const bool empty = !exists || fs::file_size(path, error) == 0;
+  if (!empty || mode == ResultsFile::Mode::kRead) CheckHeader(path);
+}
+
 void CreateSchemaIfEmpty(SQLite::Database* database) {
   // Under the write lock: another process may be creating the same file.
   SQLite::Transaction transaction(*database, SQLite::TransactionBehavior::IMMEDIATE);
@@ -288,16 +299,10 @@ std::string FormatTable(const std::vector<std::vector<std::string>>& lines) {
 
 }  // namespace
 
-ResultsFile ResultsFile::Open(const fs::path& path, Mode mode) {
-  std::error_code error;
-  const bool exists = fs::exists(path, error);
-  if (fs::is_directory(path, error)) Refuse(path, "it is a folder; name a file");
-  if (mode == Mode::kRead && !exists) Refuse(path, "there is no such file");
-  if (mode == Mode::kAppend) CheckCanAppend(path, exists);
-  // An empty file holds nothing to lose (mktemp makes one); for reading it is no results file.
-  const bool empty = !exists || fs::file_size(path, error) == 0;
-  if (!empty || mode == Mode::kRead) CheckHeader(path);
+void ResultsFile::CheckAppend(const fs::path& path) { CheckOpen(path, Mode::kAppend); }
 
+ResultsFile ResultsFile::Open(const fs::path& path, Mode mode) {
+  CheckOpen(path, mode);
   return Guarded(path, [&] {
     const int access =
         mode == Mode::kRead ? SQLite::OPEN_READONLY : SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE;

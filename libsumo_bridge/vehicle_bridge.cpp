@@ -133,7 +133,7 @@ void VehicleBridge::Read(double time, double dt, Traffic* traffic) {
   for (std::size_t row = 0; row < traffic->vehicle_count; ++row) {
     guarded_[row] = traffic->driven[row] && NeedsGuard(row, *traffic);
   }
-  ReadPersons(traffic);
+  ReadPersons(time, traffic);
 }
 
 void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traffic) {
@@ -466,7 +466,8 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
   }
 }
 
-void VehicleBridge::ReadPersons(Traffic* traffic) {
+void VehicleBridge::ReadPersons(double time, Traffic* traffic) {
+  new_persons_.clear();
   const std::vector<std::string> ids = libsumo::Person::getIDList();
   if (ids.empty()) return;
   traffic->Resize(traffic->vehicle_count + ids.size());
@@ -474,7 +475,10 @@ void VehicleBridge::ReadPersons(Traffic* traffic) {
   for (std::size_t k = 0; k < ids.size(); ++k) {
     const std::size_t row = traffic->vehicle_count + k;
     const auto [it, fresh] = person_number_.try_emplace(ids[k], 0);
-    if (fresh) it->second = next_number_++;
+    if (fresh) {
+      it->second = next_number_++;
+      new_persons_.push_back({row, {ids[k], libsumo::Person::getTypeID(ids[k]), "pedestrian", time, 0.0}});
+    }
     const libsumo::TraCIPosition position = libsumo::Person::getPosition(ids[k]);
     traffic->number[row] = it->second;
     traffic->params[row] = {};

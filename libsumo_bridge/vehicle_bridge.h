@@ -34,6 +34,12 @@ struct EmissionRates {
   double electricity{0.0};                         ///< [Wh/s]
 };
 
+/// A person that entered the simulation in the last step.
+struct NewPerson {
+  std::size_t row;  ///< Of Traffic.
+  VehicleRecord record;
+};
+
 /// Vehicles that left the simulation in the last step.
 struct Departure {
   std::int32_t number;
@@ -57,6 +63,7 @@ class VehicleBridge {
   const std::vector<std::uint8_t>& guarded() const { return guarded_; }
   const VehicleRecord& record(std::size_t row) const { return records_[row]; }
   std::span<const std::int32_t> new_vehicles() const { return new_vehicles_; }   ///< Rows that entered in the last Read.
+  std::span<const NewPerson> new_persons() const { return new_persons_; }        ///< Likewise.
   std::span<const Departure> gone() const { return gone_; }                      ///< That left in the last Read.
   const std::vector<EmissionRates>& emissions() const { return emissions_; }     ///< By row.
   const CouplingAudit& audit() const { return audit_; }
@@ -93,7 +100,7 @@ class VehicleBridge {
   bool ReadVehicle(std::size_t row, double time, double dt, Traffic* traffic);
   void ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
   void ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
-  void ReadPersons(Traffic* traffic);
+  void ReadPersons(double time, Traffic* traffic);
   void FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic);
   void Replan(std::size_t row, Traffic* traffic);
   void UpdateStops(std::size_t row, Traffic* traffic);
@@ -119,6 +126,7 @@ class VehicleBridge {
   std::vector<std::uint8_t> guarded_;     // By row.
   std::unordered_map<std::string, std::size_t> row_of_;
   std::vector<std::int32_t> new_vehicles_;
+  std::vector<NewPerson> new_persons_;
   std::vector<Departure> gone_;
   std::map<std::pair<std::vector<EdgeIndex>, VehicleClassMask>, std::unique_ptr<RoutePlan>> plans_;
   std::unordered_map<std::string, std::string> type_policy_;

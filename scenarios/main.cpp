@@ -2,8 +2,12 @@
 // 130 interrupted.
 
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
 
 #include "agents/core/check.h"
 #include "analysis/results_file.h"
@@ -21,7 +25,7 @@ constexpr int kOk = 0, kFailed = 1, kBadInput = 2, kInterrupted = 130;
 struct RunOptions {
   std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, results, params_file, output_folder;
   std::vector<std::string> assignments;
-  double end{-1.0};
+  std::optional<double> end;
   RunConfig config;
 };
 
@@ -53,7 +57,7 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   config.net_file = o->net_file;
   config.policy = ParsePolicy(o->policy, "--policy");
   if (o->rules != "sumo") throw ConfigError(fmt::format("--rules: unknown value '{}'; allowed: sumo", o->rules));
-  if (o->end >= 0.0) config.end = o->end;
+  config.end = o->end;
   if (!o->results.empty()) config.results = o->results;
   if (!o->params_file.empty()) LoadParams(o->params_file, &config.params);
   for (const std::string& assignment : o->assignments) SetParamFromText(assignment, &config.params);
@@ -194,7 +198,24 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace lanewise
 
+namespace {
+
+/// Idle threads of GCC's OpenMP runtime spin between the parallel parts of a step, which lasts about a millisecond
+/// of SUMO alone. On a busy machine they take the cores away from the very thread they wait for: a run on two
+/// threads then takes several times as long as on one. A short spin, then sleep, is as fast where cores are free.
+/// The runtime reads the setting when it is loaded, before main: so the program starts itself once more with it.
+void StartWithShortSpin(char** argv) {
+  if (std::getenv("OMP_WAIT_POLICY") != nullptr || std::getenv("GOMP_SPINCOUNT") != nullptr) return;
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (error || setenv("GOMP_SPINCOUNT", "1000", 1) != 0) return;
+  execv(self.c_str(), argv);  // Comes back only if it failed; then the run is merely slower.
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
+  StartWithShortSpin(argv);
   try {
     return lanewise::Main(argc, argv);
   } catch (const lanewise::ConfigError& error) {

@@ -52,6 +52,12 @@ void Recorder::Depart(const Traffic& traffic, const VehicleBridge& bridge) {
     ++inserted_;
     ++shares_[static_cast<std::size_t>(policy)].vehicles;
   }
+  // Persons have a number and samples, but no trip and no share in the policies.
+  for (const NewPerson& person : bridge.new_persons()) {
+    const VehicleRecord& record = person.record;
+    vehicles_.push_back({traffic.number[person.row], record.id, record.type, record.vehicle_class, std::string(kPolicyNames[static_cast<std::size_t>(Policy::kSumo)]),
+                         record.depart, record.depart_delay, traffic.params[person.row].length, traffic.params[person.row].width});
+  }
 }
 
 void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic, const VehicleBridge& bridge) {
@@ -149,7 +155,7 @@ void Recorder::Flush() {
   summaries_.clear();
 }
 
-void Recorder::Finish(double time, const VehicleBridge&) {
+void Recorder::Finish(double time) {
   for (const std::int32_t number : trips_.UnderWay()) finished_trips_.push_back(trips_.Finish(number, time, TripEnd::kRunning));
   safety_.Finish();
   Flush();

@@ -22,7 +22,7 @@ class Recorder {
 
   void Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic, const VehicleBridge& bridge);
   /// Closes all that is open at the end of the run.
-  void Finish(double time, const VehicleBridge& bridge);
+  void Finish(double time);
 
   std::int64_t vehicle_steps() const { return vehicle_steps_; }
   std::int64_t agent_steps() const { return agent_steps_; }
@@ -50,8 +50,7 @@ class Recorder {
   std::vector<TripRow> finished_trips_;
   std::vector<TrajectoryRow> samples_;
   std::vector<StepSummaryRow> summaries_;
-  std::vector<PolicyShareRow> shares_;        // By Policy.
-  std::vector<std::uint8_t> policy_of_;       // By vehicle number.
+  std::vector<PolicyShareRow> shares_;  // By Policy.
   std::int64_t vehicle_steps_{0}, agent_steps_{0}, inserted_{0}, arrived_{0}, vaporized_{0};
 };
 

@@ -108,9 +108,9 @@ RunReport Run(const RunConfig& config) {
   if (effective.threads == 0) effective.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   omp_set_num_threads(effective.threads);
 
-  // The results file comes first: a file that cannot take the run must be refused before SUMO starts.
-  std::optional<ResultsFile> file;
-  if (effective.results) file = ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend);
+  // A file that cannot take the run is refused before SUMO starts; one that can is created, or added to, only
+  // when SUMO has accepted the run.
+  if (effective.results) ResultsFile::CheckAppend(*effective.results);
   const RoadNetwork network = LoadRoadNetwork(effective.net_file);
   CurveFitParams fit;
   fit.max_lateral_accel = effective.params.driving.max_lateral_accel;
@@ -119,7 +119,10 @@ RunReport Run(const RunConfig& config) {
   const std::vector<std::string> sumo_options = SumoCommandLine(effective);
   SumoSession session(sumo_options);
   std::unique_ptr<RunWriter> writer;
-  if (file) writer = std::make_unique<RunWriter>(std::move(*file), Describe(effective, sumo_options));
+  if (effective.results) {
+    const RunInfo info = Describe(effective, sumo_options);
+    writer = std::make_unique<RunWriter>(ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend), info);
+  }
 
   Traffic traffic;
   Commands commands;
@@ -153,7 +156,7 @@ RunReport Run(const RunConfig& config) {
     throw;
   }
   const double end = session.time();
-  Timed(&report.record_time, [&] { recorder.Finish(end, bridge); });
+  Timed(&report.record_time, [&] { recorder.Finish(end); });
   outcome.status = g_interrupted ? RunStatus::kInterrupted : RunStatus::kFinished;
   if (g_interrupted) outcome.message = fmt::format("interrupted at {:.1f} s", end);
   outcome.simulated_time = end - begin;

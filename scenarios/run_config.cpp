@@ -85,6 +85,9 @@ std::vector<std::string> OptionNames(const std::vector<std::string>& arguments) 
 
 fs::path NetworksFolder() {
   if (const char* folder = std::getenv("LANEWISE_NETWORKS")) return folder;
+  std::error_code error;  // Installed: beside the program.
+  const fs::path installed = fs::read_symlink("/proc/self/exe", error).parent_path() / "../share/lanewise/networks";
+  if (!error && fs::is_directory(installed, error)) return installed.lexically_normal();
   return LANEWISE_NETWORKS_FOLDER;
 }
 

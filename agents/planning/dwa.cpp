@@ -81,7 +81,7 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
-    if (o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
+    if (o.soft || o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
     const float drift = std::abs(o.speed_d) * static_cast<float>(params.dwa.horizon);
     if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort) continue;
     const float left_now = std::max(courses.front[0][0], courses.rear[0][0]) + half_width;
@@ -216,6 +216,10 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
       const float gap_right = low - obstacle_left, gap_left = obstacle_right - high;
       return gap_right > gap_left ? gap_right : gap_left;
     };
+    if (o.soft) {  // Costs nearness, never the way.
+      for (int j = 0; j < padded; ++j) courses->clearance[j] = std::max(margin, std::min(courses->clearance[j], lateral_gap_of(j)));
+      continue;
+    }
     const float comfort_speed = static_cast<float>(comfort), safe_speed = static_cast<float>(safe);
 #pragma omp simd
     for (int j = 0; j < padded; ++j) {

@@ -196,7 +196,9 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     const bool inside = ego.d * under_way > ego.HalfSpan();
     const bool unsafe = beside.behind.row != kNone && (beside.behind.gap < 0.3 ||
         beside.behind.speed > SafeSpeed(beside.behind.gap, ego.speed, 6.0, 0.2) + 0.5);
-    if (unsafe && !inside) return;
+    const bool runs_up = beside.ahead.row != kNone &&
+        ego.speed > SafeSpeed(beside.ahead.gap - kStandingGap, beside.ahead.speed, 6.0, 0.3) + 0.5;
+    if ((unsafe || runs_up) && !inside) return;
     tactics->lane_change = static_cast<std::int8_t>(under_way);
     tactics->blinker = tactics->lane_change;
     tactics->urgent = urgent;

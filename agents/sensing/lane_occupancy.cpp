@@ -33,6 +33,7 @@ void LaneOccupancy::Build(const Traffic& traffic) {
     for_each_lane(i, [&](LaneIndex lane) { ++start_[lane + 1]; });
   }
   for (std::size_t lane = 1; lane < start_.size(); ++lane) start_[lane] += start_[lane - 1];
+  items_.reserve(3 * traffic.vehicle_count);  // A body reaches into three lanes at most: no allocation when more straddle.
   items_.resize(start_.back());
   std::copy(start_.begin(), start_.end(), fill_.begin());
   for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "agents/core/geometry.h"
+#include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
 namespace {
@@ -74,20 +74,27 @@ void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, do
 
 void SamplePath(const World& world, const WayAhead& way, double horizon, RoadView* view) {
   view->spacing = static_cast<float>(horizon / (kPathNodes - 1));
+  const LaneCurve& own = (*world.curves)[way.lanes[0].lane];
+  const PathPoint origin = own.At(-way.lanes[0].start);
+  view->origin_x = origin.x;
+  view->origin_y = origin.y;
+  const auto place = [&](int node, double s, const PathPoint& point) {
+    view->s[node] = static_cast<float>(s);
+    view->x[node] = static_cast<float>(point.x - origin.x);
+    view->y[node] = static_cast<float>(point.y - origin.y);
+    view->cos_heading[node] = static_cast<float>(std::cos(point.heading));
+    view->sin_heading[node] = static_cast<float>(std::sin(point.heading));
+  };
+  for (int n = 0; n < kNodesBehind; ++n) {
+    const double s = (n - kNodesBehind) * static_cast<double>(kSpacingBehind);
+    place(n, s, own.At(s - way.lanes[0].start));
+  }
   int k = 0;
   for (int n = 0; n < kPathNodes; ++n) {
     const double ahead = n * static_cast<double>(view->spacing);
     while (k + 1 < way.count && way.lanes[k + 1].start <= ahead) ++k;
-    const LaneCurve& curve = (*world.curves)[way.lanes[k].lane];
-    const PathPoint point = curve.At(ahead - way.lanes[k].start);
-    if (n == 0) {
-      view->origin_x = point.x;
-      view->origin_y = point.y;
-    }
-    view->x[n] = static_cast<float>(point.x - view->origin_x);
-    view->y[n] = static_cast<float>(point.y - view->origin_y);
-    view->cos_heading[n] = static_cast<float>(std::cos(point.heading));
-    view->sin_heading[n] = static_cast<float>(std::sin(point.heading));
+    const PathPoint point = (*world.curves)[way.lanes[k].lane].At(ahead - way.lanes[k].start);
+    place(kNodesBehind + n, ahead, point);
     view->curvature[n] = static_cast<float>(point.curvature);
   }
 }
@@ -99,7 +106,7 @@ Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
   const float y = static_cast<float>(world.center_y[row] - view.origin_y);
   int nearest = 0;
   float best = 1e30f;
-  for (int n = 0; n < kPathNodes; ++n) {
+  for (int n = 0; n < kNodesBehind + kPathNodes; ++n) {
     const float dx = x - view.x[n], dy = y - view.y[n];
     const float squared = dx * dx + dy * dy;
     if (squared < best) {
@@ -117,16 +124,23 @@ Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
   const float half_width = static_cast<float>(0.5 * traffic.params[row].width);
   const float speed = static_cast<float>(traffic.now.speed[row]);
   Obstacle obstacle;
-  obstacle.s = static_cast<float>(nearest) * view.spacing + dx * c + dy * s;
+  obstacle.s = view.s[nearest] + dx * c + dy * s;
   obstacle.d = dy * c - dx * s;
   obstacle.half_length = half_length * std::abs(along) + half_width * std::abs(across);
   obstacle.half_width = half_length * std::abs(across) + half_width * std::abs(along);
-  obstacle.speed_s = speed * along;
-  obstacle.speed_d = speed * across;
+  // It moves along its course, which in a bend is not its heading.
+  const VehicleParams& params = traffic.params[row];
+  const float slip = traffic.driven[row] ? static_cast<float>(SlipAngle(traffic.now.steering_angle[row], params.wheelbase, params.rear_axle_to_front)) : 0.0f;
+  obstacle.speed_s = speed * (along * std::cos(slip) - across * std::sin(slip));
+  obstacle.speed_d = speed * (across * std::cos(slip) + along * std::sin(slip));
   obstacle.along = along;
   obstacle.row = row;
   obstacle.hazard = traffic.hazard[row] != 0;
   return obstacle;
+}
+
+bool IsOnWay(const WayAhead& way, LaneIndex lane) {
+  return std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [lane](const LaneAhead& ahead) { return ahead.lane == lane; });
 }
 
 /// Keeps the nearest kMaxObstacles.
@@ -185,14 +199,18 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (row == ego) return;
     const double dx = world.center_x[row] - center_x, dy = world.center_y[row] - center_y;
     if (dx * dx + dy * dy > radius * radius) return;
-    const Obstacle obstacle = Project(world, row, *view);
+    Obstacle obstacle = Project(world, row, *view);
     if (std::abs(obstacle.d) > reach_across + obstacle.half_width) return;
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
-    const LaneIndex lane = world.traffic->now.lane[row];
-    const bool waits_outside = world.traffic->now.speed[row] < 0.1 && lane != kNone && !world.network->lanes[lane].internal;
-    const bool with_us = obstacle.along > 0.5f || waits_outside;
-    if (!crossing_traffic && !person && !obstacle.hazard && !with_us) return;
+    obstacle.soft = false;
+    if (!crossing_traffic && !person && !obstacle.hazard) {
+      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it.
+      const bool stands = world.traffic->now.speed[row] < 0.1;
+      const LaneIndex lane = world.traffic->now.lane[row];
+      if (obstacle.along <= 0.5f && !stands) return;
+      obstacle.soft = stands && lane != kNone && world.network->lanes[lane].internal && !IsOnWay(way, lane);
+    }
     Keep(obstacle, view);
   });
 }

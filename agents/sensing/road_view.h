@@ -69,18 +69,23 @@ struct Obstacle {
   float speed_s, speed_d;        ///< [m/s]
   float along;                   ///< Cosine of its heading to the path's.
   AgentIndex row;
+  bool soft;                     ///< Stands in a junction across our way: kept clear of where there is room, not waited for.
   bool hazard;                   ///< Stands with hazard lights, or is a person: may be passed at any time.
 };
 
 inline constexpr int kMaxObstacles = 24;
 inline constexpr int kPathNodes = 16;
+/// Nodes behind the front bumper, for what is beside the ego.
+inline constexpr int kNodesBehind = 3;
+inline constexpr float kSpacingBehind = 4.0f;  ///< [m]
 
 /// The reference path ahead, sampled at equal distances, and what is around it. No heap memory.
 struct RoadView {
   float spacing{1.0f};                        ///< [m] between nodes.
   std::array<float, kPathNodes> curvature{};  ///< [1/m]
   float curvature_at_body{0.0f};              ///< [1/m] half a vehicle's length behind the front.
-  std::array<float, kPathNodes> x{}, y{}, cos_heading{}, sin_heading{};  ///< Relative to origin, world axes.
+  /// Nodes from the rearmost to the farthest: s [m] from the front bumper, and the pose relative to the origin, world axes.
+  std::array<float, kNodesBehind + kPathNodes> s{}, x{}, y{}, cos_heading{}, sin_heading{};
   double origin_x{0.0}, origin_y{0.0};        ///< [m] world, path point beside the front bumper.
   std::array<Obstacle, kMaxObstacles> obstacles;
   int obstacle_count{0};

@@ -1,0 +1,65 @@
+# Turns results_schema.sql into docs/schema.md: the comment before a table, and the table of its columns.
+# Usage: awk -f schema_page.awk results_schema.sql
+
+function flush_text() {
+  if (text != "") print text "\n"
+  text = ""
+}
+
+BEGIN {
+  print "# Results schema\n"
+  print "This page is generated from `analysis/results_schema.sql`: `./dev docs`.\n"
+}
+
+/^-- / {
+  text = text (text == "" ? "" : " ") substr($0, 4)
+  next
+}
+
+/^PRAGMA user_version/ {
+  version = $0
+  sub(/^[^=]*= */, "", version)
+  sub(/;.*/, "", version)
+  flush_text()
+  print "Schema version " version "; definitions of the measures: `analysis/README.md`.\n"
+}
+
+/^CREATE TABLE/ {
+  print "## " $3 "\n"
+  flush_text()
+  print "| column | type | may be NULL | meaning |\n|---|---|---|---|"
+  in_table = 1
+  next
+}
+
+/^CREATE VIEW/ {
+  print "## " $3 " (view)\n"
+  flush_text()
+  print "Its columns: see the schema."
+}
+
+in_table && /^\)/ {
+  in_table = 0
+  print ""
+}
+
+in_table && !/^ *PRIMARY KEY/ {
+  meaning = ""
+  definition = $0
+  at = index($0, "-- ")
+  if (at > 0) {
+    meaning = substr($0, at + 3)
+    definition = substr($0, 1, at - 1)
+  }
+  nullable = definition ~ /NOT NULL|PRIMARY KEY/ ? "" : "yes"
+  if (definition ~ /CHECK \(/) {
+    values = definition
+    sub(/.* IN \(/, "", values)
+    sub(/\).*/, "", values)
+    gsub(/\047/, "", values)
+    meaning = values (meaning == "" ? "" : ". " meaning)
+  }
+  type = $2
+  sub(/,$/, "", type)
+  print "| `" $1 "` | " type " | " nullable " | " meaning " |"
+}
