@@ -45,7 +45,8 @@ CREATE TABLE run (
   state_hash TEXT                      -- 16 hex digits; equal for every number of threads.
 );
 
--- The running numbers' meaning: every vehicle and pedestrian that entered.
+-- The running numbers' meaning: every vehicle and pedestrian that entered. Pedestrians have vclass 'pedestrian',
+-- policy 'sumo' and no trip; they are in no count of vehicles.
 CREATE TABLE vehicle (
   run_id INTEGER NOT NULL REFERENCES run,
   vehicle_number INTEGER NOT NULL,

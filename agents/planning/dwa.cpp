@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "agents/planning/car_following.h"
-#include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
 namespace {
@@ -54,6 +53,19 @@ void RangeFromNodeOn(const float (&value)[kPathNodes][kMaxCourses], int padded, 
       max[n][j] = here > max_next ? here : max_next;
     }
   }
+}
+
+/// [m] how far left of the tangent at path node n the path lies a body length behind it. A bend's body is a chord: without
+/// this a rear bumper on the path would seem to be beside it.
+float BendBehind(const RoadView& view, int n, float length) {
+  const int front = kNodesBehind + n;
+  const float s = view.s[front] - length;
+  int k = 0;
+  while (k + 1 < front && view.s[k + 1] <= s) ++k;
+  const float share = std::clamp((s - view.s[k]) / (view.s[k + 1] - view.s[k]), 0.0f, 1.0f);
+  const float dx = view.x[k] + share * (view.x[k + 1] - view.x[k]) - view.x[front];
+  const float dy = view.y[k] + share * (view.y[k + 1] - view.y[k]) - view.y[front];
+  return dy * view.cos_heading[front] - dx * view.sin_heading[front];
 }
 
 /// Distance driven and whether it still moves, under constant acceleration until standstill.
@@ -139,7 +151,6 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const float max_course = static_cast<float>(driving.max_course_angle);
   const float max_slip = static_cast<float>(std::atan(vehicle.rear_axle_to_front / vehicle.wheelbase * std::tan(vehicle.max_steering_angle)));
   const float spacing = view.spacing;
-  const int half_body = static_cast<int>(0.5f * length / spacing);
   // Steering turns at a rate in time; over one node it can turn by rate * spacing / speed.
   const float max_turn = static_cast<float>(vehicle.max_steering_rate) * spacing / std::max(1.0f, static_cast<float>(c.speed));
 
@@ -150,7 +161,7 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const float* target = courses->target.data();
   for (int n = 0; n < kPathNodes; ++n) {
     const float curvature = view.curvature[n];
-    const float bend = static_cast<float>(BendAlongBody(vehicle.length, n < half_body ? view.curvature_at_body : view.curvature[n - half_body]));
+    const float bend = BendBehind(view, n, length);
     float* front = courses->front[n];
     float* rear = courses->rear[n];
 #pragma omp simd

@@ -3,9 +3,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
+namespace {
+
+/// [m] by which the path leaves its tangent at the front bumper until the rear bumper, to the left. Lanes side by side bend
+/// gently; a greater curvature is a kink shorter than the body: bounded.
+double BendAlongBody(double length, double curvature) {
+  constexpr double kGentle = 0.05;  // [1/m]
+  return 0.5 * length * length * std::clamp(curvature, -kGentle, kGentle);
+}
+
+}  // namespace
 
 LaneOccupancy::LaneOccupancy(const RoadNetwork& network)
     : network_(network), start_(network.lanes.size() + 1), fill_(network.lanes.size() + 1) {}

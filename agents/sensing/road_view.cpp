@@ -185,9 +185,6 @@ Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, do
 
 void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic, RoadView* view) {
   SamplePath(world, way, horizon, view);
-  const double s = world.traffic->now.s[ego];
-  const LaneCurve& curve = (*world.curves)[way.lanes[0].lane];
-  view->curvature_at_body = static_cast<float>(curve.At(std::max(0.0, s - 0.5 * world.traffic->params[ego].length)).curvature);
   view->obstacle_count = 0;
   // One circle around the path ahead: its middle node is the centre.
   const int middle = kPathNodes / 2;

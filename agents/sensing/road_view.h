@@ -83,7 +83,6 @@ inline constexpr float kSpacingBehind = 4.0f;  ///< [m]
 struct RoadView {
   float spacing{1.0f};                        ///< [m] between nodes.
   std::array<float, kPathNodes> curvature{};  ///< [1/m]
-  float curvature_at_body{0.0f};              ///< [1/m] half a vehicle's length behind the front.
   /// Nodes from the rearmost to the farthest: s [m] from the front bumper, and the pose relative to the origin, world axes.
   std::array<float, kNodesBehind + kPathNodes> s{}, x{}, y{}, cos_heading{}, sin_heading{};
   double origin_x{0.0}, origin_y{0.0};        ///< [m] world, path point beside the front bumper.

@@ -28,13 +28,6 @@ inline void StepBicycle(double accel, double slip_angle, double l_r, double dt, 
   pose->heading += *speed / l_r * std::sin(slip_angle) * dt;
 }
 
-/// [m] by which a path of this curvature [1/m] leaves its tangent at the front bumper until the rear bumper, to the
-/// left. A curvature beyond what road vehicles can drive is a kink shorter than the body: bounded.
-inline double BendAlongBody(double length, double curvature) {
-  constexpr double kTightest = 0.18;  // [1/m]: a car's turning circle at the front bumper.
-  return 0.5 * length * length * std::fmax(-kTightest, std::fmin(kTightest, curvature));
-}
-
 /// The same motion in the frame of a reference path: s along, d left, heading relative to the tangent.
 struct RoadPose {
   double s{0.0};              ///< [m] world metres along the path.
