@@ -22,6 +22,8 @@ constexpr int kSumoLaneChanges = 1621;
 constexpr int kNoLaneChanges = 0;
 
 constexpr double kFar = 1e9;
+constexpr double kDeadEndView = 30.0;  // [m]
+constexpr double kRescueAfter = 30.0;  // [s] of standing before a lane's end for want of a lane change.
 constexpr double kLaneEndZone = 10.0;  // [m]
 constexpr double kStandingSpeed = 0.1;  // [m/s]
 constexpr double kStopMargin = 20.0;  // [m] beyond braking distance at which a planned stop is SUMO's.
@@ -220,7 +222,7 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double time, double dt, Traffic
     } else {
       ReadNative(row, lane, s, speed, dt, traffic);
     }
-    UpdateStops(row, traffic);
+    UpdateStops(row, dt, traffic);
     traffic->driven[row] = traffic->policy[row] != Policy::kSumo && !coupled_[row].handed_back;
     emissions_[row] = {SumoVehicle::getCO2Emission(id), SumoVehicle::getNOxEmission(id), SumoVehicle::getPMxEmission(id),
                        SumoVehicle::getFuelConsumption(id), SumoVehicle::getElectricityConsumption(id)};
@@ -313,19 +315,38 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
   now.s[row] = s;
 
   // Watch for agents that stand at the end of a lane that does not lead on.
-  const Lane& here = network_.lanes[lane];
-  const bool halts = IsDeadEnd(row, *traffic) && speed < kStandingSpeed && here.length - s < kLaneEndZone;
+  const bool halts = speed < kStandingSpeed && DistanceToDeadEnd(row, *traffic) < kLaneEndZone;
   if (halts && !coupled.halted_at_lane_end) ++lane_end_halts_;
   coupled.halted_at_lane_end = halts;
 }
 
-bool VehicleBridge::IsDeadEnd(std::size_t row, const Traffic& traffic) const {
-  const LaneIndex lane = traffic.now.lane[row];
-  if (lane == kNone || traffic.plan[row] == nullptr || network_.lanes[lane].internal) return false;
-  const std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
-  const auto route = traffic.plan[row]->route();
-  return position + 1 < route.size() && route[position] == network_.lanes[lane].edge &&
-         traffic.plan[row]->At(position, network_.lanes[lane].index).connection == kNone;
+double VehicleBridge::DistanceToDeadEnd(std::size_t row, const Traffic& traffic) const {
+  LaneIndex lane = traffic.now.lane[row];
+  if (lane == kNone || traffic.plan[row] == nullptr) return kFar;
+  const RoutePlan& plan = *traffic.plan[row];
+  std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
+  double distance = -traffic.now.s[row];
+  while (distance < kDeadEndView) {
+    distance += network_.lanes[lane].length;
+    const LaneIndex next = NextLane(network_, plan, position, lane);
+    if (next == kNone) {
+      const bool lost = plan.route()[position] != network_.lanes[lane].edge && !network_.lanes[lane].internal;
+      return lost || position + 1 >= plan.route().size() ? kFar : distance;
+    }
+    if (!network_.lanes[next].internal) ++position;
+    lane = next;
+  }
+  return kFar;
+}
+
+bool VehicleBridge::NeedsRescue(std::size_t row, double dt, const Traffic& traffic) {
+  Coupled& coupled = coupled_[row];
+  const bool stands = traffic.now.speed[row] < kStandingSpeed && DistanceToDeadEnd(row, traffic) < kDeadEndView;
+  coupled.stuck_time = stands ? coupled.stuck_time + dt : 0.0;
+  if (coupled.stuck_time < kRescueAfter) return false;
+  ++rescues_;
+  coupled.stuck_time = 0.0;
+  return true;
 }
 
 void VehicleBridge::Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic) {
@@ -361,12 +382,13 @@ void VehicleBridge::Audit(std::size_t row, LaneIndex lane, double s, double spee
   audit_.Count(cause, position_error, std::abs(speed - coupled.commanded_speed));
 }
 
-void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
+void VehicleBridge::UpdateStops(std::size_t row, double dt, Traffic* traffic) {
   Coupled& coupled = coupled_[row];
   traffic->stop_distance[row] = kFar;
   traffic->stop_lane[row] = kNone;
   traffic->hazard[row] = 0;
-  if (coupled.stops.empty() && !coupled.handed_back) return;
+  const bool rescue = !coupled.handed_back && coupled.commanded && NeedsRescue(row, dt, *traffic);
+  if (coupled.stops.empty() && !coupled.handed_back && !rescue) return;
   const std::string& id = records_[row].id;
   const bool native = !coupled.commanded;
   if (native) {
@@ -399,9 +421,10 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   }
   const double speed = traffic->now.speed[row];
   const double braking = speed * speed / (2.0 * params_.driving.comfort_decel) + 2.0 * speed;
-  // Having served a stop in a bay or on a bus lane, SUMO also brings the vehicle back to a lane that leads on.
-  const bool hand_back = traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin ||
-                         (coupled.handed_back && IsDeadEnd(row, *traffic));
+  // After a stop in a bay or on a bus lane, and where an agent has no room left to change lanes, SUMO brings the vehicle to a
+  // lane that leads on.
+  const bool hand_back = rescue || traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin ||
+                         (coupled.handed_back && DistanceToDeadEnd(row, *traffic) < kDeadEndView);
   if (hand_back == coupled.handed_back) return;
   coupled.handed_back = hand_back;
   coupled.commanded = false;
@@ -468,7 +491,9 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
 
 void VehicleBridge::ReadPersons(double time, Traffic* traffic) {
   new_persons_.clear();
-  const std::vector<std::string> ids = libsumo::Person::getIDList();
+  std::vector<std::string> ids = libsumo::Person::getIDList();
+  // Passengers are no road users of their own.
+  std::erase_if(ids, [](const std::string& id) { return !libsumo::Person::getVehicle(id).empty(); });
   if (ids.empty()) return;
   traffic->Resize(traffic->vehicle_count + ids.size());
   Motion& now = traffic->now;

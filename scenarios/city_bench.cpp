@@ -69,6 +69,7 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
   table.Row("  of these with an agent striking", count(n.agent_striking_outside_junctions), count(a.agent_striking_outside_junctions), "0", a.agent_striking_outside_junctions == 0);
   table.Row("contacts inside junctions", count(n.collisions_in_junctions), count(a.collisions_in_junctions), "<= native", a.collisions_in_junctions <= n.collisions_in_junctions);
   table.Row("halts at a lane's end for want of a change", "-", count(report.lane_end_halts), "0", report.lane_end_halts == 0);
+  table.Row("handed to SUMO for want of a change", "-", count(report.rescues), "", true);
   table.Row("near misses (TTC < 1.5 s)", count(n.near_misses), count(a.near_misses), "", true);
   table.Row("CO2 [g/km]", fmt::format("{:.1f}", n.co2_g_per_km.value_or(0.0)), fmt::format("{:.1f}", a.co2_g_per_km.value_or(0.0)), "", true);
   for (std::size_t i = 0; i < kAuditCauses; ++i) {

@@ -201,12 +201,14 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
     obstacle.soft = false;
-    if (!crossing_traffic && !person && !obstacle.hazard) {
-      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it.
+    if (!crossing_traffic && !obstacle.hazard) {
+      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it. Persons
+      // who stand at a crossing wait for us to go.
       const bool stands = world.traffic->now.speed[row] < 0.1;
       const LaneIndex lane = world.traffic->now.lane[row];
-      if (obstacle.along <= 0.5f && !stands) return;
-      obstacle.soft = stands && lane != kNone && world.network->lanes[lane].internal && !IsOnWay(way, lane);
+      if (!person && obstacle.along <= 0.5f && !stands) return;
+      const bool creeps = world.traffic->now.speed[ego] < 1.5;
+      obstacle.soft = stands && ((person && creeps) || (lane != kNone && world.network->lanes[lane].internal && !IsOnWay(way, lane)));
     }
     Keep(obstacle, view);
   });
