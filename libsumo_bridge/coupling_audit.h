@@ -10,15 +10,15 @@ namespace lanewise {
 enum class AuditCause : std::uint8_t {
   kMidBlock,       ///< No reason to differ: commanded = realised to 1e-6, or it is a defect.
   kJunctionGuard,  ///< rules = sumo: SUMO's own checks lower the speed near and in a junction.
-  kStop,           ///< Handed back for a planned stop.
+  kHandedBack,     ///< SUMO drives: a planned stop, or no room to change lanes. Counted, nothing to compare.
   kRouteChange,    ///< A rerouter changed the way.
   kOtherLink,      ///< SUMO took another link of the junction than foreseen.
   kLaneChangeMissed,  ///< The commanded lane change was not carried out in the next step.
-  kTeleport,
+  kTeleport,       ///< Off the road. Counted, nothing to compare.
 };
 inline constexpr std::size_t kAuditCauses = 7;
 inline constexpr std::array<std::string_view, kAuditCauses> kAuditCauseNames{
-    "mid_block", "junction_guard", "planned_stop", "route_change", "other_link", "lane_change_missed", "teleport"};
+    "mid_block", "junction_guard", "handed_back", "route_change", "other_link", "lane_change_missed", "teleport"};
 
 /// Vehicle-steps by cause, and how far commanded and realised motion lay apart.
 struct AuditCount {

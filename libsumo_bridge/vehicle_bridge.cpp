@@ -122,7 +122,7 @@ void VehicleBridge::Read(double time, double dt, Traffic* traffic) {
   const std::size_t known = traffic->vehicle_count;
   for (const std::string& id : libsumo::Simulation::getDepartedIDList()) AddVehicle(id, time, traffic);
   for (std::size_t row = 0; row < traffic->vehicle_count;) {
-    if (ReadVehicle(row, time, dt, traffic)) {
+    if (ReadVehicle(row, dt, traffic)) {
       ++row;
     } else {
       RemoveVehicle(row, false, traffic);  // Gone without arriving.
@@ -192,7 +192,7 @@ void VehicleBridge::RemoveVehicle(std::size_t row, bool arrived, Traffic* traffi
   traffic->vehicle_count = last;
 }
 
-bool VehicleBridge::ReadVehicle(std::size_t row, double time, double dt, Traffic* traffic) {
+bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
   const std::string& id = records_[row].id;
   Motion& now = traffic->now;
   const LaneIndex last_lane = now.lane[row];
@@ -205,6 +205,7 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double time, double dt, Traffic
     if (lane == kNone) {  // Teleporting, or on no road of ours.
       now.lane[row] = kNone;
       now.speed[row] = std::max(0.0, speed);
+      if (traffic->policy[row] != Policy::kSumo) audit_.Count(AuditCause::kTeleport, 0.0, 0.0);
       traffic->driven[row] = 0;
       coupled_[row].commanded = false;
       return true;
@@ -221,6 +222,7 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double time, double dt, Traffic
       ReadDriven(row, lane, s, speed, dt, traffic);
     } else {
       ReadNative(row, lane, s, speed, dt, traffic);
+      if (coupled_[row].handed_back) audit_.Count(AuditCause::kHandedBack, 0.0, 0.0);
     }
     UpdateStops(row, dt, traffic);
     traffic->driven[row] = traffic->policy[row] != Policy::kSumo && !coupled_[row].handed_back;
@@ -229,7 +231,6 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double time, double dt, Traffic
   } catch (const libsumo::TraCIException&) {
     return false;  // It left the simulation.
   }
-  (void)time;
   return true;
 }
 
@@ -258,6 +259,7 @@ void VehicleBridge::Replan(std::size_t row, Traffic* traffic) {
   traffic->plan[row] = PlanFor(SumoVehicle::getRoute(id), coupled_[row].class_mask);
   traffic->route_position[row] = std::max(0, SumoVehicle::getRouteIndex(id));
   coupled_[row].route_id = SumoVehicle::getRouteID(id);
+  coupled_[row].route_changed = true;
 }
 
 void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic) {
@@ -288,6 +290,7 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
   const Motion& before = traffic->next;  // Swapped: the state the command was given in.
   Coupled& coupled = coupled_[row];
   Audit(row, lane, s, speed, *traffic);
+  coupled.route_changed = false;
 
   if (std::abs(speed - coupled.commanded_speed) > CouplingAudit::kTolerance) {
     // SUMO drove less far: so the lateral motion did not get as far either.
@@ -376,7 +379,9 @@ void VehicleBridge::Audit(std::size_t row, LaneIndex lane, double s, double spee
   if (coupled.checks_on) {
     cause = AuditCause::kJunctionGuard;
   } else if (lane != coupled.expected_lane) {
-    cause = coupled.change_commanded != 0 && lane == traffic.now.lane[row] ? AuditCause::kLaneChangeMissed : AuditCause::kOtherLink;
+    cause = coupled.change_commanded != 0 && lane == traffic.now.lane[row] ? AuditCause::kLaneChangeMissed
+            : coupled.route_changed                                        ? AuditCause::kRouteChange
+                                                                           : AuditCause::kOtherLink;
   }
   if (lane == coupled.expected_lane) position_error = std::abs(s - coupled.expected_s);
   audit_.Count(cause, position_error, std::abs(speed - coupled.commanded_speed));
@@ -438,7 +443,6 @@ bool VehicleBridge::NeedsGuard(std::size_t row, const Traffic& traffic) const {
   if (rules_ != Rules::kSumo) return false;
   LaneIndex lane = traffic.now.lane[row];
   if (network_.lanes[lane].internal && lane_guarded_[lane]) return true;
-  // A vehicle that stands in the way must be passed, which SUMO's checks would not allow.
   const VehicleParams& vehicle = traffic.params[row];
   const double speed = traffic.now.speed[row];
   const double braking = speed * speed / (2.0 * vehicle.max_decel) + speed * vehicle.time_gap + params_.driving.guard_margin;

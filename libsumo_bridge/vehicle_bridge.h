@@ -87,9 +87,10 @@ class VehicleBridge {
     std::string route_id;
     std::vector<Stop> stops;            // Planned, next first.
     VehicleClassMask class_mask{0};
-    bool handed_back{false};            // SUMO drives it (planned stop).
+    bool handed_back{false};            // SUMO drives it (planned stop, or no room to change lanes).
     bool commanded{false};              // The last Write commanded it.
     bool checks_on{false};              // Speed mode 31 is set.
+    bool route_changed{false};          // Since the last command.
     bool halted_at_lane_end{false};
     double stuck_time{0.0};             // [s] standing before a dead end.
     std::int8_t change_commanded{0};
@@ -100,7 +101,7 @@ class VehicleBridge {
 
   void AddVehicle(const std::string& id, double time, Traffic* traffic);
   void RemoveVehicle(std::size_t row, bool arrived, Traffic* traffic);
-  bool ReadVehicle(std::size_t row, double time, double dt, Traffic* traffic);
+  bool ReadVehicle(std::size_t row, double dt, Traffic* traffic);
   void ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
   void ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
   void ReadPersons(double time, Traffic* traffic);

@@ -70,6 +70,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.policy = kPolicyNames[static_cast<std::size_t>(config.policy)];
   info.rules = kRulesNames[static_cast<std::size_t>(config.rules)];
   info.seed = config.seed;
+  if (!config.config_file.empty()) info.begin = ReadSumoConfig(config.config_file).begin;
   info.end = config.end;
   info.step_length = config.step_length;
   info.threads = config.threads;

@@ -147,7 +147,9 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const VehicleParams& vehicle = *c.vehicle;
   const float l_r = static_cast<float>(vehicle.rear_axle_to_front);
   const float length = static_cast<float>(vehicle.length);
-  const float gain = static_cast<float>(1.0 / std::max(driving.tracking_distance, c.speed * driving.tracking_time));
+  // The tracking law d' = -gain (d - target), solved over a node's distance instead of an Euler step.
+  const double law = 1.0 / std::max(driving.tracking_distance, c.speed * driving.tracking_time);
+  const float gain = static_cast<float>((1.0 - std::exp(-law * view.spacing)) / view.spacing);
   const float max_course = static_cast<float>(driving.max_course_angle);
   const float max_slip = static_cast<float>(std::atan(vehicle.rear_axle_to_front / vehicle.wheelbase * std::tan(vehicle.max_steering_angle)));
   const float spacing = view.spacing;

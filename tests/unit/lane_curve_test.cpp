@@ -13,7 +13,7 @@ namespace lanewise {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-const std::filesystem::path kAcosta = "/work/shared/scenarios/bologna/acosta/acosta_buslanes.net.xml";
+const std::filesystem::path kAcosta = LANEWISE_BOLOGNA_FOLDER "/acosta/acosta_buslanes.net.xml";
 
 double ShapeLength(const std::vector<Point2>& shape) {
   double length = 0.0;
@@ -121,15 +121,17 @@ TEST(LaneCurve, StraightLaneIsExact) {
 }
 
 TEST(LaneCurve, ArcHasTheCurvatureOfItsCircle) {
+  CurveFitParams params;
+  params.max_lateral_accel = 4.0;
   for (const double radius : {12.0, 30.0, 200.0}) {
     const double angle = kPi / 2.0;
     const auto shape = Arc(radius, angle, std::max(16, static_cast<int>(radius)));
-    const LaneCurve curve = FitOne(shape);
+    const LaneCurve curve = FitOne(shape, -1.0, params);
     for (double part = 0.15; part <= 0.85; part += 0.05) {
       EXPECT_NEAR(curve.At(part * curve.length()).curvature * radius, 1.0, 0.06) << radius << " " << part;
     }
     EXPECT_LT(MaxDeviation(curve, shape), 0.1);
-    EXPECT_NEAR(curve.SpeedCap(curve.length() / 2.0), std::sqrt(4.0 * radius),
+    EXPECT_NEAR(curve.SpeedCap(curve.length() / 2.0), std::sqrt(4.0 * radius),  // v^2 / r = a.
                 0.05 * std::sqrt(4.0 * radius));
     ExpectConsistent(curve);
   }
@@ -172,7 +174,9 @@ TEST(LaneCurve, LengthIsScaled) {
 TEST(LaneCurve, SpeedCapBrakesBeforeTheBend) {
   std::vector<Point2> shape{{-60.0, 0.0}};
   for (const Point2& p : Arc(10.0, kPi / 2.0, 20)) shape.push_back(p);
-  const CurveFitParams params;
+  CurveFitParams params;
+  params.max_lateral_accel = 4.0;
+  params.comfort_decel = 2.5;
   const LaneCurve curve = FitOne(shape, -1.0, params);
   EXPECT_NEAR(curve.SpeedCap(curve.length() - 4.0), std::sqrt(4.0 * 10.0), 0.6);
   EXPECT_GT(curve.SpeedCap(0.0), 15.0);
@@ -288,17 +292,33 @@ TEST(LaneCurve, BolognaIsCurvatureContinuousOverEveryConnection) {
   EXPECT_GT(joints, 700);
 }
 
+// Lanes between junctions are digitised roads: their curves keep near the polyline, but for sharp kinks of the
+// map itself. Lanes inside junctions are netconvert's guesses, of a few vertices and often with corners that no
+// car can turn; there the fit rounds over min(smoothness, length / 4) on purpose, so that a vehicle with a finite
+// turning circle can follow, and cuts the corner by some decimetres. Measured with the default parameters:
+// normal lanes 8 % beyond 0.3 m, at most 0.96 m; internal lanes 31 % beyond 0.3 m, 2 % beyond 1 m, at most 1.7 m.
 TEST(LaneCurve, BolognaStaysNearItsLanesAndDrivable) {
   const auto& [network, curves] = LoadedAcosta();
   if (curves.empty()) GTEST_SKIP() << "no net file " << kAcosta;
-  int off = 0;
+  struct {
+    int lanes{0}, beyond_third{0}, beyond_one{0};  // Of one kind: all, farther off than 0.3 m, than 1 m.
+  } normal, internal;
   for (std::size_t i = 0; i < curves.size(); ++i) {
-    const double deviation = MaxDeviation(curves[i], network.lanes[i].shape);
-    EXPECT_LT(deviation, 2.0) << network.lanes[i].id;  // Sharp kinks of the map itself.
-    off += deviation > 0.3;
-    EXPECT_GT(curves[i].SpeedCap(curves[i].length() / 2.0), 2.0) << network.lanes[i].id;
+    const Lane& lane = network.lanes[i];
+    const double deviation = MaxDeviation(curves[i], lane.shape);
+    EXPECT_LT(deviation, 2.0) << lane.id;
+    auto& kind = lane.internal ? internal : normal;
+    ++kind.lanes;
+    kind.beyond_third += deviation > 0.3;
+    kind.beyond_one += deviation > 1.0;
+    EXPECT_GT(curves[i].SpeedCap(curves[i].length() / 2.0), 2.0) << lane.id;
   }
-  EXPECT_LT(off, static_cast<int>(curves.size()) / 10);
+  EXPECT_GT(normal.lanes, 200);
+  EXPECT_LT(normal.beyond_third, normal.lanes / 10);
+  EXPECT_EQ(normal.beyond_one, 0);
+  EXPECT_GT(internal.lanes, 300);
+  EXPECT_LT(internal.beyond_third, internal.lanes / 3);
+  EXPECT_LT(internal.beyond_one, internal.lanes / 30);
 }
 
 TEST(LaneCurve, DoesNotDependOnTheNumberOfThreads) {

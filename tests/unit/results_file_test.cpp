@@ -287,6 +287,13 @@ TEST_F(ResultsFileTest, RefusesFoldersAndWhatIsMissing) {
                   "the folder " + (folder_ / "no").string() + " does not exist; create it or choose another");
 }
 
+TEST_F(ResultsFileTest, CheckingCreatesNothing) {
+  ResultsFile::CheckAppend(path_);
+  EXPECT_FALSE(fs::exists(path_));
+  EXPECT_THROW(ResultsFile::CheckAppend(folder_), ConfigError);
+  EXPECT_THROW(ResultsFile::CheckAppend(folder_ / "no" / "r.sqlite"), ConfigError);
+}
+
 TEST_F(ResultsFileTest, RefusesADamagedFile) {
   WriteSmallRun(path_, "dwa");
   fs::resize_file(path_, 4096);  // The header survives.
@@ -344,7 +351,8 @@ std::string WriteUntilFull(const fs::path& path, WriterParams params) {
 }
 
 TEST_F(ResultsFileTest, ASizeLimitFailsTheRunWithAMessage) {
-  const std::string message = WriteUntilFull(path_, {.rows_per_commit = 2000, .max_queued_rows = 4000, .max_file_bytes = 2'000'000});
+  const std::string message =
+      WriteUntilFull(path_, {.rows_per_commit = 2000, .max_queued_rows = 4000, .max_file_bytes = 2'000'000});
   EXPECT_CONTAINS(message, path_.string());
   EXPECT_CONTAINS(message, "the disk is full, or the file's size limit is reached");
   EXPECT_EQ(Value(path_, "PRAGMA integrity_check"), "ok");

@@ -13,7 +13,7 @@
 namespace lanewise {
 namespace {
 
-const std::filesystem::path kAcosta = "/work/shared/scenarios/bologna/acosta/acosta_buslanes.net.xml";
+const std::filesystem::path kAcosta = LANEWISE_BOLOGNA_FOLDER "/acosta/acosta_buslanes.net.xml";
 
 std::filesystem::path TemporaryFile(const std::string& name) {
   return std::filesystem::path(testing::TempDir()) / ("road_network_test_" + name);

@@ -1,0 +1,11 @@
+# Fails unless the output of COMMAND (a list) is the content of FILE.
+execute_process(COMMAND ${COMMAND} OUTPUT_VARIABLE output RESULT_VARIABLE status)
+if(NOT status EQUAL 0)
+  message(FATAL_ERROR "failed: ${COMMAND}")
+endif()
+if(EXISTS "${FILE}")
+  file(READ "${FILE}" content)
+endif()
+if(NOT output STREQUAL content)
+  message(FATAL_ERROR "${FILE} is out of date; write it anew with: ./dev docs")
+endif()

@@ -1,0 +1,225 @@
+#include "agents/agent_pipeline.h"
+
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <cmath>
+#include <tuple>
+
+#include "agents/core/geometry.h"
+#include "agents/core/state_hash.h"
+#include "tests/support/fleet.h"
+#include "tests/support/no_alloc.h"
+#include "tests/support/small_nets.h"
+
+namespace lanewise {
+namespace {
+
+constexpr double kDt = 0.1;  // [s]
+
+Footprint Box(const Fleet& fleet, std::size_t i) {
+  const Motion& now = fleet.traffic.now;
+  const VehicleParams& p = fleet.traffic.params[i];
+  return {{now.x[i], now.y[i], now.heading[i]}, p.length, p.width};
+}
+
+/// Puts a scripted (not agent-driven) vehicle where the test wants it.
+void Place(Fleet* fleet, std::size_t row, double s, double speed) {
+  Traffic& traffic = fleet->traffic;
+  traffic.now.s[row] = s;
+  traffic.now.speed[row] = speed;
+  traffic.driven[row] = 1;
+  fleet->pipeline().UpdatePoses(&traffic);
+  traffic.driven[row] = 0;
+}
+
+/// A fleet on `lanes` lanes, 30 m apart in each, with changing speeds, so that leaders are met and lanes are
+/// changed.
+std::unique_ptr<Fleet> DenseFleet(const RoadNetwork& network, int vehicles, int lanes) {
+  auto fleet = std::make_unique<Fleet>(network);
+  for (int k = 0; k < vehicles; ++k) {
+    const int lane = k % lanes;
+    VehicleParams params;
+    params.max_speed = 8.0 + (k * 7) % 11;
+    const double s = 20.0 + 25.0 * (k / lanes) + 3.0 * lane;
+    const std::size_t row = fleet->Add({"e0", "e1"}, lane, s, 4.0 + (k * 5) % 7, params,
+                                       k % 4 == 3 ? Policy::kIdm : Policy::kDwa);
+    fleet->traffic.speed_limit[row] = params.max_speed;
+  }
+  return fleet;
+}
+
+std::uint64_t HashOf(const Fleet& fleet) {
+  StateHash hash;
+  const Motion& now = fleet.traffic.now;
+  for (std::size_t i = 0; i < fleet.traffic.vehicle_count; ++i) {
+    hash.Add(static_cast<std::uint64_t>(now.lane[i]));
+    for (const double value : {now.s[i], now.d[i], now.heading_error[i], now.speed[i], now.accel[i],
+                               now.steering_angle[i], now.x[i], now.y[i]}) {
+      hash.Add(value);
+    }
+  }
+  return hash.value();
+}
+
+TEST(AgentPipeline, RowsAreSmall) {
+  EXPECT_LE(AgentStateBytes(), 2048u);
+  EXPECT_GE(AgentStateBytes(), 2 * 12 * sizeof(double));  // Two motions of at least twelve doubles.
+}
+
+TEST(AgentPipeline, AFreeVehicleReachesTheLimitOnItsPath) {
+  const RoadNetwork network = ChainNet(1, 1, 1000.0);
+  Fleet fleet(network);
+  fleet.Add({"e0"}, 0, 10.0, 0.0);
+  for (int k = 0; k < 300; ++k) {
+    fleet.Step(kDt);
+    ASSERT_LE(fleet.traffic.now.speed[0], 13.89 + 0.1);
+  }
+  EXPECT_NEAR(fleet.traffic.now.speed[0], 13.89, 0.2);
+  EXPECT_NEAR(fleet.traffic.now.d[0], 0.0, 0.05);
+}
+
+using Policies = testing::TestWithParam<std::tuple<Policy, double>>;
+
+class BrakingLeader : public Policies {};
+
+// Follower at its own time gap behind a leader that suddenly brakes with the service deceleration both have.
+TEST_P(BrakingLeader, IsNeverTouched) {
+  const auto [policy, speed] = GetParam();
+  const RoadNetwork network = ChainNet(1, 1, 1000.0, 30.0);
+  Fleet fleet(network);
+  const VehicleParams params;
+  const double gap = params.min_gap + params.time_gap * speed;
+  double leader_s = 100.0 + gap + params.length, leader_speed = speed;
+  fleet.Add({"e0"}, 0, 100.0, speed, params, policy);
+  const std::size_t leader = fleet.Add({"e0"}, 0, leader_s, speed, params);
+  fleet.traffic.speed_limit[0] = speed;
+  Place(&fleet, leader, leader_s, leader_speed);
+  for (int k = 0; k < 300; ++k) {
+    const double t = k * kDt;
+    if (t >= 2.0) leader_speed = std::max(0.0, leader_speed - params.max_decel * kDt);
+    leader_s += leader_speed * kDt;
+    fleet.Step(kDt);
+    Place(&fleet, leader, leader_s, leader_speed);
+    ASSERT_GT(Distance(Box(fleet, 0), Box(fleet, leader)), 0.1) << "at " << t << " s";
+  }
+  EXPECT_LT(fleet.traffic.now.speed[0], 0.1);
+  EXPECT_LT(Distance(Box(fleet, 0), Box(fleet, leader)), params.min_gap + 3.0);  // It did close up.
+}
+
+INSTANTIATE_TEST_SUITE_P(Speeds, BrakingLeader,
+                         testing::Combine(testing::Values(Policy::kDwa, Policy::kIdm),
+                                          testing::Values(5.0, 10.0, 15.0, 25.0)));
+
+class Platoon : public testing::TestWithParam<Policy> {};
+
+// Ten cars queue at standstill gaps and start off together. They never touch, keep their order, and flow:
+// within 40 s (13.89 m/s at 2.6 m/s^2 takes 5.3 s, and each driver starts about 1 to 1.5 s after the one
+// ahead) all drive.
+TEST_P(Platoon, OfTenStartsFromStandstill) {
+  const RoadNetwork network = ChainNet(1, 1, 2000.0);
+  Fleet fleet(network);
+  const VehicleParams params;
+  for (int k = 0; k < 10; ++k) {
+    fleet.Add({"e0"}, 0, 200.0 - k * (params.length + params.min_gap), 0.0, params, GetParam());
+  }
+  for (int step = 0; step < 400; ++step) {
+    fleet.Step(kDt);
+    for (std::size_t k = 1; k < 10; ++k) {
+      const double gap = fleet.traffic.now.s[k - 1] - params.length - fleet.traffic.now.s[k];
+      ASSERT_GT(gap, 0.5 * params.min_gap) << "vehicle " << k << " at " << step * kDt << " s";
+    }
+  }
+  for (std::size_t k = 0; k < 10; ++k) EXPECT_GT(fleet.traffic.now.speed[k], 11.0) << k;
+}
+
+INSTANTIATE_TEST_SUITE_P(Policies, Platoon, testing::Values(Policy::kDwa, Policy::kIdm));
+
+// A car on the lane that does not lead along its route must be on the other one before the fork, and go on to
+// "b".
+TEST(AgentPipeline, DrivesTheNeededLaneChange) {
+  const RoadNetwork network = ForkNet();
+  Fleet fleet(network);
+  fleet.Add({"a", "b"}, 0, 150.0, 12.0);
+  for (int k = 0; k < 400 && network.lanes[fleet.traffic.now.lane[0]].id != "b_0"; ++k) {
+    fleet.Step(kDt);
+    ASSERT_LE(std::abs(fleet.traffic.now.heading_error[0]), 0.3);
+  }
+  EXPECT_EQ(network.lanes[fleet.traffic.now.lane[0]].id, "b_0");
+}
+
+// A broken-down car (hazard lights) blocks the right lane: everyone passes by, nobody touches it.
+TEST(AgentPipeline, PassesABrokenDownCar) {
+  const RoadNetwork network = ChainNet(1, 2, 800.0);
+  Fleet fleet(network);
+  const std::size_t broken = fleet.Add({"e0"}, 0, 300.0, 0.0);
+  fleet.traffic.driven[broken] = 0;
+  fleet.traffic.hazard[broken] = 1;
+  for (int k = 0; k < 4; ++k) fleet.Add({"e0"}, 0, 150.0 - 30.0 * k, 10.0);
+  for (int step = 0; step < 600; ++step) {
+    fleet.Step(kDt);
+    for (std::size_t i = 0; i < 5; ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        ASSERT_GT(Distance(Box(fleet, i), Box(fleet, j)), 0.0)
+            << i << " and " << j << " at " << step * kDt << " s";
+      }
+    }
+  }
+  for (std::size_t i = 1; i < 5; ++i) EXPECT_GT(fleet.traffic.now.s[i], 320.0) << i;
+}
+
+class NoAllocation : public testing::TestWithParam<int> {};
+
+// 200 agents, lanes are changed all the time, so the occupancy lists grow and shrink.
+TEST_P(NoAllocation, InAStepAfterWarmUp) {
+  omp_set_num_threads(GetParam());
+  const RoadNetwork network = ChainNet(2, 3, 2000.0);
+  const auto fleet = DenseFleet(network, 200, 3);
+  for (int k = 0; k < 50; ++k) fleet->Step(kDt);
+  const std::uint64_t before = HashOf(*fleet);
+  const AllocationCounter counter;
+  for (int k = 0; k < 200; ++k) fleet->Step(kDt);
+  EXPECT_EQ(counter.count(), 0);
+  EXPECT_NE(HashOf(*fleet), before);
+}
+
+INSTANTIATE_TEST_SUITE_P(Threads, NoAllocation, testing::Values(1, 2));
+
+TEST(NoAllocationGuard, SeesAnAllocation) {
+  const AllocationCounter counter;
+  std::vector<double> values(1000);
+  EXPECT_EQ(counter.count(), 1);
+  values.resize(2000);
+  EXPECT_EQ(counter.count(), 2);
+}
+
+// Worst case for the occupancy lists: no vehicle reaches over its lane's border in the first step, all do in
+// the next.
+TEST(NoAllocation, WhenEverybodyStraddlesAtOnce) {
+  const RoadNetwork network = ChainNet(1, 3, 1000.0);
+  Fleet fleet(network);
+  for (int k = 0; k < 30; ++k) fleet.Add({"e0"}, 1, 20.0 + 30.0 * k, 5.0);
+  for (int k = 0; k < 3; ++k) fleet.Step(kDt);
+  for (std::size_t i = 0; i < 30; ++i) fleet.traffic.now.d[i] = 0.9;
+  fleet.pipeline().UpdatePoses(&fleet.traffic);
+  const AllocationCounter counter;
+  fleet.Step(kDt);
+  EXPECT_EQ(counter.count(), 0);
+}
+
+TEST(AgentPipeline, TheNumberOfThreadsDoesNotMatter) {
+  const RoadNetwork network = ChainNet(2, 3, 3000.0);
+  const auto run = [&](int threads) {
+    omp_set_num_threads(threads);
+    const auto fleet = DenseFleet(network, 300, 3);
+    for (int k = 0; k < 100; ++k) fleet->Step(kDt);
+    return HashOf(*fleet);
+  };
+  const std::uint64_t one = run(1);
+  EXPECT_EQ(run(1), one);
+  EXPECT_EQ(run(2), one);
+  EXPECT_EQ(run(4), one);
+}
+
+}  // namespace
+}  // namespace lanewise

@@ -1,0 +1,177 @@
+#include "agents/sensing/road_view.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/scene.h"
+#include "tests/support/small_nets.h"
+
+namespace lanewise {
+namespace {
+
+class ChainView : public testing::Test {
+ protected:
+  RoadNetwork network_ = ChainNet(/*edges=*/3, /*lanes=*/2, /*length=*/100.0);
+  Scene scene_{network_};
+};
+
+// From s = 90 of 100 m: the junction (8 m) begins in 10 m, the next edge in 18 m, and ends in 118 m.
+TEST_F(ChainView, LookAheadCrossesTheJunction) {
+  scene_.Add({"e0", "e1", "e2"}, 0, 90.0, 10.0);
+  const WayAhead way = LookAhead(scene_.Look(), 0, 60.0);
+  ASSERT_EQ(way.count, 3);
+  EXPECT_EQ(network_.lanes[way.lanes[0].lane].id, "e0_0");
+  EXPECT_EQ(network_.lanes[way.lanes[1].lane].id, ":J1_0_0");
+  EXPECT_EQ(network_.lanes[way.lanes[2].lane].id, "e1_0");
+  EXPECT_NEAR(way.lanes[0].start, -90.0, 1e-9);
+  EXPECT_NEAR(way.lanes[1].start, 10.0, 1e-9);
+  EXPECT_NEAR(way.lanes[2].start, 18.0, 1e-9);
+  EXPECT_NEAR(way.length, 118.0, 1e-9);
+  EXPECT_TRUE(way.leads_on);
+}
+
+TEST_F(ChainView, LookAheadFromWithinTheJunction) {
+  scene_.Add({"e0", "e1", "e2"}, 0, 90.0, 10.0);
+  scene_.traffic().now.lane[0] = network_.FindLane(":J1_0_0");
+  scene_.traffic().now.s[0] = 3.0;
+  const WayAhead way = LookAhead(scene_.Look(), 0, 50.0);
+  ASSERT_EQ(way.count, 2);
+  EXPECT_EQ(network_.lanes[way.lanes[1].lane].id, "e1_0");
+  EXPECT_NEAR(way.lanes[1].start, 5.0, 1e-9);
+}
+
+TEST_F(ChainView, TheTripsEndIsNoDeadEnd) {
+  scene_.Add({"e0"}, 0, 90.0, 10.0);
+  const WayAhead way = LookAhead(scene_.Look(), 0, 60.0);
+  EXPECT_EQ(way.count, 1);
+  EXPECT_NEAR(way.length, 10.0, 1e-9);
+  EXPECT_TRUE(way.leads_on);
+}
+
+TEST(ForkView, ALaneThatDoesNotFollowTheRouteEndsTheWay) {
+  const RoadNetwork network = ForkNet();
+  Scene scene(network);
+  scene.Add({"a", "b"}, 0, 350.0, 10.0);  // Right lane: leads to "c".
+  scene.Add({"a", "b"}, 1, 350.0, 10.0);
+  const World world = scene.Look();
+  const WayAhead wrong = LookAhead(world, 0, 100.0);
+  EXPECT_FALSE(wrong.leads_on);
+  EXPECT_EQ(wrong.count, 1);
+  EXPECT_NEAR(wrong.length, 50.0, 1e-9);
+  const WayAhead right = LookAhead(world, 1, 100.0);
+  EXPECT_TRUE(right.leads_on);
+  ASSERT_EQ(right.count, 3);
+  EXPECT_EQ(network.lanes[right.lanes[1].lane].id, ":J_1_0");
+  EXPECT_EQ(network.lanes[right.lanes[2].lane].id, "b_0");
+}
+
+// Fronts: 10 m to the junction + 8 m + 20 m = 38 m apart; minus the leader's 5 m: a gap of 33 m.
+TEST_F(ChainView, LeaderAndFollowerThroughTheJunction) {
+  scene_.Add({"e0", "e1", "e2"}, 0, 90.0, 10.0);
+  scene_.Add({"e1", "e2"}, 0, 20.0, 7.0);
+  scene_.Add({"e1", "e2"}, 1, 15.0, 3.0);  // On the other lane: nobody's leader here.
+  const World world = scene_.Look();
+  const Leader leader = FindLeader(world, 0, LookAhead(world, 0, 80.0));
+  EXPECT_EQ(leader.row, 1);
+  EXPECT_NEAR(leader.gap, 33.0, 1e-9);
+  EXPECT_EQ(leader.speed, 7.0);
+  const Leader follower = FindFollowerOnLane(world, 1, network_.FindLane("e1_0"), 20.0, 80.0);
+  EXPECT_EQ(follower.row, 0);
+  EXPECT_NEAR(follower.gap, 33.0, 1e-9);  // Minus the ego's own 5 m.
+  EXPECT_EQ(follower.speed, 10.0);
+  // Not as far back as that: only the 20 m to the lane's start were looked at.
+  EXPECT_EQ(FindFollowerOnLane(world, 1, network_.FindLane("e1_0"), 20.0, 15.0).row, kNone);
+}
+
+TEST_F(ChainView, NobodyAheadGivesAnInfiniteGap) {
+  scene_.Add({"e0", "e1", "e2"}, 0, 50.0, 10.0);
+  scene_.Add({"e0", "e1", "e2"}, 0, 30.0, 10.0);
+  const World world = scene_.Look();
+  const Leader leader = FindLeader(world, 0, LookAhead(world, 0, 80.0));
+  EXPECT_EQ(leader.row, kNone);
+  EXPECT_TRUE(std::isinf(leader.gap));
+}
+
+// Beside counts, with a negative gap: fronts 2 m apart, 5 m long.
+TEST_F(ChainView, NeighborsBesideHaveANegativeGap) {
+  scene_.Add({"e0", "e1"}, 0, 50.0, 10.0);
+  scene_.Add({"e0", "e1"}, 1, 52.0, 10.0);
+  scene_.Add({"e0", "e1"}, 1, 48.0, 10.0);
+  const World world = scene_.Look();
+  const LaneIndex left = network_.FindLane("e0_1");
+  const Leader ahead = FindLeaderOnLane(world, 0, left, 50.0, 60.0);
+  const Leader behind = FindFollowerOnLane(world, 0, left, 50.0, 60.0);
+  EXPECT_EQ(ahead.row, 1);
+  EXPECT_NEAR(ahead.gap, -3.0, 1e-9);
+  EXPECT_EQ(behind.row, 2);
+  EXPECT_NEAR(behind.gap, -3.0, 1e-9);
+}
+
+TEST_F(ChainView, ObstaclesOnAStraightRoad) {
+  scene_.Add({"e0", "e1"}, 0, 50.0, 10.0);
+  scene_.Add({"e0", "e1"}, 1, 70.0, 6.0);
+  RoadView view;
+  const World world = scene_.Look();
+  SenseRoad(world, 0, LookAhead(world, 0, 80.0), 45.0, true, &view);
+  ASSERT_EQ(view.obstacle_count, 1);
+  const Obstacle& o = view.obstacles[0];
+  EXPECT_EQ(o.row, 1);
+  EXPECT_NEAR(o.s, 20.0 - 2.5, 1e-3);  // Its middle.
+  EXPECT_NEAR(o.d, kLaneWidth, 1e-3);
+  EXPECT_NEAR(o.half_length, 2.5, 1e-3);
+  EXPECT_NEAR(o.half_width, 0.9, 1e-3);
+  EXPECT_NEAR(o.speed_s, 6.0, 1e-3);
+  EXPECT_NEAR(o.speed_d, 0.0, 1e-3);
+  EXPECT_NEAR(o.along, 1.0, 1e-6);
+}
+
+// On an arc of radius 50 m. The other's front is 30 m of arc ahead and `d` m left; its middle is 2.5 m back
+// along its tangent, so about 27.5 m ahead on the path, and right of it by 2.5^2 / (2 R) = 0.06 m. Projecting
+// on the nearest of nodes 3 m apart costs at most 1.5^2 / (2 R) = 0.023 m more.
+TEST(BendView, ObstaclesOnACurvedPath) {
+  const RoadNetwork network = BendNet(50.0, 1.5);
+  for (const double d : {0.0, 2.0, -2.0}) {
+    Scene scene(network);
+    scene.Add({"bend"}, 0, 15.0, 10.0);
+    scene.Add({"bend"}, 0, 45.0, 8.0);
+    scene.traffic().now.d[1] = d;
+    RoadView view;
+    const World world = scene.Look();
+    SenseRoad(world, 0, LookAhead(world, 0, 60.0), 45.0, true, &view);
+    ASSERT_EQ(view.obstacle_count, 1);
+    // Offset d on the outside (or inside) of the bend scales the 2.5 m by R / (R - d).
+    EXPECT_NEAR(view.obstacles[0].s, 30.0 - 2.5 * 50.0 / (50.0 - d), 0.12) << d;
+    EXPECT_NEAR(view.obstacles[0].d, d - 0.06, 0.08) << d;
+    EXPECT_NEAR(view.curvature[8], 1.0 / 50.0, 2e-3);
+    EXPECT_NEAR(view.obstacles[0].speed_s, 8.0, 0.1);
+  }
+}
+
+// A car that comes towards us is left out while SUMO's checks guard the junction.
+TEST_F(ChainView, CrossingTrafficOnlyWhenAskedFor) {
+  scene_.Add({"e0", "e1"}, 0, 50.0, 10.0);
+  scene_.Add({"e0", "e1"}, 1, 70.0, 6.0);
+  scene_.traffic().now.heading_error[1] = 2.0;  // More than a right angle.
+  RoadView view;
+  const World world = scene_.Look();
+  SenseRoad(world, 0, LookAhead(world, 0, 80.0), 45.0, true, &view);
+  EXPECT_EQ(view.obstacle_count, 1);
+  SenseRoad(world, 0, LookAhead(world, 0, 80.0), 45.0, false, &view);
+  EXPECT_EQ(view.obstacle_count, 0);
+}
+
+TEST_F(ChainView, TheNearestObstaclesAreKept) {
+  scene_.Add({"e0", "e1", "e2"}, 0, 10.0, 10.0);
+  for (int k = 0; k < 2 * kMaxObstacles; ++k) {
+    scene_.Add({"e0", "e1", "e2"}, k % 2, 20.0 + 1.5 * k, 0.0);
+  }
+  RoadView view;
+  const World world = scene_.Look();
+  SenseRoad(world, 0, LookAhead(world, 0, 120.0), 100.0, true, &view);
+  ASSERT_EQ(view.obstacle_count, kMaxObstacles);
+  for (int m = 0; m < view.obstacle_count; ++m) EXPECT_LE(view.obstacles[m].row, kMaxObstacles);
+}
+
+}  // namespace
+}  // namespace lanewise

@@ -1,0 +1,120 @@
+#include "agents/planning/tactics.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/scene.h"
+#include "tests/support/small_nets.h"
+
+namespace lanewise {
+namespace {
+
+class TacticsTest : public testing::Test {
+ protected:
+  RoadNetwork network_ = ForkNet();
+  Scene scene_{network_};
+};
+
+// Lane 0 of "a" leads to "c", the route to "b" is on the left. At 10 m/s a change is begun
+// lookahead_time * 10 + lookahead_distance = 130 m before the lane's end (defaults 10 s and 30 m).
+TEST_F(TacticsTest, ANeededChangeBeginsInTime) {
+  // One lane to change: due 100 m of driving at the limit of 13.89 m/s plus 30 m before the lane's end.
+  AgentParams params;
+  params.lane_change.lookahead_time = 100.0 / 13.89;
+  params.lane_change.lookahead_distance = 30.0;
+  scene_.Add({"a", "b"}, 0, 400.0 - 140.0, 10.0);
+  EXPECT_FALSE(scene_.Decide(0, params).urgent);
+  scene_.traffic().now.s[0] = 400.0 - 120.0;
+  const Tactics tactics = scene_.Decide(0, params);
+  EXPECT_TRUE(tactics.urgent);
+  EXPECT_EQ(tactics.lane_change, 1);
+  EXPECT_EQ(tactics.blinker, 1);
+  EXPECT_NEAR(tactics.target_d, kLaneWidth, 1e-9);
+  EXPECT_GE(tactics.corridor_max, kLaneWidth);
+}
+
+TEST_F(TacticsTest, OnTheRightLaneNothingIsNeeded) {
+  scene_.Add({"a", "c"}, 0, 350.0, 10.0);
+  const Tactics tactics = scene_.Decide(0);
+  EXPECT_FALSE(tactics.urgent);
+  EXPECT_EQ(tactics.lane_change, 0);
+  EXPECT_EQ(tactics.target_d, 0.0);
+  EXPECT_GT(tactics.speed_cap, 100.0);
+}
+
+TEST_F(TacticsTest, AnOccupiedGapIsRefused) {
+  scene_.Add({"a", "b"}, 0, 300.0, 10.0);
+  scene_.Add({"a", "b"}, 1, 302.0, 10.0);
+  const Tactics tactics = scene_.Decide(0);
+  EXPECT_EQ(tactics.lane_change, 0);
+  EXPECT_EQ(tactics.blinker, 1);  // But it asks for it.
+  EXPECT_TRUE(tactics.urgent);
+  EXPECT_NEAR(tactics.target_d, 0.0, 1e-9);
+}
+
+TEST_F(TacticsTest, AFastFollowerOnTheOtherLaneIsNotCutOff) {
+  scene_.Add({"a", "b"}, 0, 300.0, 5.0);
+  scene_.Add({"a", "b"}, 1, 300.0 - 5.0 - 3.0, 13.0);  // 3 m behind our rear, 8 m/s faster.
+  EXPECT_EQ(scene_.Decide(0).lane_change, 0);
+}
+
+// Without the change done, it must be able to stop before the lane's end: 40 m left, 10 m/s.
+TEST_F(TacticsTest, ARefusedNeededChangeLimitsTheSpeed) {
+  scene_.Add({"a", "b"}, 0, 370.0, 12.0);
+  scene_.Add({"a", "b"}, 1, 371.0, 12.0);
+  // 30 m at 4.5 m/s^2: at most sqrt(2 * 4.5 * 30) = 16.4 m/s even with no reserve; 12 m/s at comfort_decel 3
+  // needs 24 m.
+  EXPECT_LT(scene_.Decide(0).speed_cap, 12.0);
+}
+
+// 20 m before the fork (only near the lane's end does one let in).
+// We are on the left lane; the car 15 m ahead on the right lane must come over and says so. We let it in:
+// braking no harder than cooperation_decel.
+TEST_F(TacticsTest, AnUrgentNeighborIsLetIn) {
+  scene_.Add({"a", "b"}, 1, 365.0, 10.0);
+  scene_.Add({"a", "b"}, 0, 380.0, 6.0);
+  scene_.traffic().now.urgent[1] = 1;
+  scene_.traffic().now.blinker[1] = 1;
+  const Tactics tactics = scene_.Decide(0);
+  EXPECT_EQ(tactics.yielded_to, scene_.traffic().number[1]);
+  EXPECT_LT(tactics.speed_cap, 10.0);
+  const AgentParams params;
+  EXPECT_GE(tactics.speed_cap,
+            10.0 - params.lane_change.cooperation_decel * params.driving.response_time - 1e-9);
+}
+
+TEST_F(TacticsTest, AVehicleThatDoesNotAskIsNotLetIn) {
+  scene_.Add({"a", "b"}, 1, 365.0, 10.0);
+  scene_.Add({"a", "c"}, 0, 380.0, 6.0);
+  const Tactics tactics = scene_.Decide(0);
+  EXPECT_EQ(tactics.yielded_to, kNone);
+  EXPECT_GT(tactics.speed_cap, 100.0);
+}
+
+// Zipper: who has let one in does not let in the next.
+TEST_F(TacticsTest, OnlyOneIsLetInPerEdge) {
+  scene_.Add({"a", "b"}, 1, 365.0, 10.0);
+  scene_.Add({"a", "b"}, 0, 380.0, 6.0);
+  scene_.traffic().now.urgent[1] = 1;
+  scene_.traffic().now.blinker[1] = 1;
+  scene_.traffic().now.yielded_to[0] = 77;
+  const Tactics tactics = scene_.Decide(0);
+  EXPECT_EQ(tactics.yielded_to, 77);
+  EXPECT_GT(tactics.speed_cap, 100.0);
+}
+
+// A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
+TEST(TacticsChain, OvertakesASlowLeader) {
+  const RoadNetwork network = ChainNet(/*edges=*/2, /*lanes=*/2, /*length=*/600.0);
+  Scene scene(network);
+  scene.Add({"e0", "e1"}, 0, 100.0, 12.0);
+  scene.Add({"e0", "e1"}, 0, 130.0, 3.0);
+  const Tactics tactics = scene.Decide(0);
+  EXPECT_EQ(tactics.lane_change, 1);
+  EXPECT_FALSE(tactics.urgent);
+  // Not so soon after the last change.
+  scene.traffic().now.since_change[0] = 1.0f;
+  EXPECT_EQ(scene.Decide(0).lane_change, 0);
+}
+
+}  // namespace
+}  // namespace lanewise
