@@ -177,10 +177,13 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
       turn = turn > max_turn ? max_turn : (turn < -max_turn ? -max_turn : turn);
       float beta = slip[j] + turn;
       beta = beta > max_slip ? max_slip : (beta < -max_slip ? -max_slip : beta);
+      // The steering turns during the first part of the node; this is the mean slip over it.
+      const float change = beta - slip[j];
+      const float mean = beta - 0.5f * change * (change < 0.0f ? -change : change) / max_turn;
       slip[j] = beta;
-      const float angle = heading[j] + beta;
+      const float angle = heading[j] + mean;
       d[j] += spacing * (angle + angle * angle * angle * (1.0f / 3.0f));        // tan
-      heading[j] += spacing * ((beta - beta * beta * beta * (1.0f / 6.0f)) / l_r - curvature);  // sin
+      heading[j] += spacing * ((mean - mean * mean * mean * (1.0f / 6.0f)) / l_r - curvature);  // sin
     }
   }
   std::copy_n(d, padded, courses->end.begin());
