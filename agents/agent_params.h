@@ -65,7 +65,8 @@ struct AgentParams {
           "speed profiles a plan: accelerations over the reachable window", "[C] 300 rollouts = 15 x 20");
     field("dwa.path_samples", p.dwa.path_samples, "-", Range{3, 64},
           "steering courses a plan: lateral targets over the free width", "[C] 300 rollouts = 15 x 20");
-    field("dwa.horizon", p.dwa.horizon, "s", Range{1.0, 6.0}, "how far ahead a rollout is simulated", "own choice: braking from 50 km/h at 4.5 m/s^2 takes 3.1 s");
+    field("dwa.horizon", p.dwa.horizon, "s", Range{1.0, 6.0}, "how far ahead a rollout is simulated",
+          "own choice: braking from 50 km/h at 4.5 m/s^2 takes 3.1 s");
     field("dwa.path_weight", p.dwa.path_weight, "1/m", Range{0, 100},
           "critic 1: distance of the rollout's end from the reference path", "[C] DWA criterion 1");
     field("dwa.goal_weight", p.dwa.goal_weight, "-", Range{0, 100},
@@ -73,7 +74,8 @@ struct AgentParams {
     field("dwa.clearance_weight", p.dwa.clearance_weight, "-", Range{0, 100},
           "critic 3: nearness of obstacles below clearance_comfort", "[C] DWA criterion 3");
     field("dwa.speed_weight", p.dwa.speed_weight, "-", Range{0, 100},
-          "cost of driving faster than the reference speed of the course", "own choice, keeps following smooth");
+          "cost of driving faster than the reference speed of the course",
+          "own choice, keeps following smooth");
     field("dwa.comfort_weight", p.dwa.comfort_weight, "-", Range{0, 100},
           "cost of braking and of changing course", "own choice");
     field("dwa.clearance_margin", p.dwa.clearance_margin, "m", Range{0, 2},
@@ -92,17 +94,21 @@ struct AgentParams {
     field("driving.max_course_angle", p.driving.max_course_angle, "rad", Range{0.05, 0.8},
           "greatest angle between course and road", "own choice");
     field("driving.response_time", p.driving.response_time, "s", Range{0.05, 2},
-          "time in which the speed is brought to the wanted one", "own choice: damping 0.9 at a time gap of 1 s");
+          "time in which the speed is brought to the wanted one",
+          "own choice: damping 0.9 at a time gap of 1 s");
     field("driving.pass_clearance", p.driving.pass_clearance, "m", Range{0.1, 3},
           "lateral room kept to a broken-down vehicle passed within the lane", "own choice");
     field("driving.guard_margin", p.driving.guard_margin, "m", Range{0, 100},
-          "rules = sumo: SUMO's checks come on this much before braking distance to a junction", "own choice");
+          "rules = sumo: SUMO's checks come on this much before braking distance to a junction",
+          "own choice");
     field("lane_change.lookahead_time", p.lane_change.lookahead_time, "s", Range{1, 120},
-          "a needed change is begun this many seconds before the lane ends, per lane", "SUMO LC2013 uses 10 and changes at once; a lateral motion in dense queues needs more");
+          "a needed change is begun this many seconds before the lane ends, per lane",
+          "SUMO LC2013 uses 10 and changes at once; a lateral motion in dense queues needs more");
     field("lane_change.lookahead_distance", p.lane_change.lookahead_distance, "m", Range{0, 500},
           "and at least at this distance, per lane", "own choice");
     field("lane_change.reserve", p.lane_change.reserve, "m", Range{0, 100},
-          "room kept before the lane's end to steer over from standstill", "bicycle model: 3.2 m needs about 10 m");
+          "room kept before the lane's end to steer over from standstill",
+          "bicycle model: 3.2 m needs about 10 m");
     field("lane_change.gain_threshold", p.lane_change.gain_threshold, "m/s^2", Range{0, 5},
           "advantage in acceleration worth a change", "MOBIL, Kesting et al. 2007");
     field("lane_change.politeness", p.lane_change.politeness, "-", Range{0, 1},
@@ -113,13 +119,16 @@ struct AgentParams {
           "least gap to the new leader and the new follower", "own choice");
     field("lane_change.cooperation_decel", p.lane_change.cooperation_decel, "m/s^2", Range{0, 9},
           "braking one accepts to let a vehicle in that must change", "own choice");
-    field("control.speed_kp", p.control.speed_kp, "1/s", Range{0.1, 10}, "PID speed: proportional", "[C] PID");
+    field("control.speed_kp", p.control.speed_kp, "1/s", Range{0.1, 10}, "PID speed: proportional",
+          "[C] PID");
     field("control.speed_ki", p.control.speed_ki, "1/s^2", Range{0, 10}, "PID speed: integral", "[C] PID");
     field("control.speed_kd", p.control.speed_kd, "-", Range{0, 10}, "PID speed: derivative", "[C] PID");
     field("control.steering_kp", p.control.steering_kp, "-", Range{0.1, 10},
           "PID steering: proportional, on the lateral error over the tracking distance", "[C] PID");
-    field("control.steering_ki", p.control.steering_ki, "1/s", Range{0, 10}, "PID steering: integral", "[C] PID");
-    field("control.steering_kd", p.control.steering_kd, "s", Range{0, 10}, "PID steering: derivative", "[C] PID");
+    field("control.steering_ki", p.control.steering_ki, "1/s", Range{0, 10}, "PID steering: integral",
+          "[C] PID");
+    field("control.steering_kd", p.control.steering_kd, "s", Range{0, 10}, "PID steering: derivative",
+          "[C] PID");
     field("control.derivative_filter", p.control.derivative_filter, "s", Range{0, 5},
           "low-pass on the derivative", "[C] lag filter against noise");
   }

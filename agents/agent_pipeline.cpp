@@ -29,7 +29,9 @@ double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving,
   const double preview = speed * driving.response_time;
   // The turn the vehicle is in: it may be tighter, or last longer, than the path's.
   const VehicleParams& vehicle = traffic.params[i];
-  const double turn = std::abs(std::sin(SlipAngle(traffic.now.steering_angle[i], vehicle.wheelbase, vehicle.rear_axle_to_front))) / vehicle.rear_axle_to_front;
+  const double turn = std::abs(std::sin(SlipAngle(traffic.now.steering_angle[i], vehicle.wheelbase,
+                                                  vehicle.rear_axle_to_front))) /
+                      vehicle.rear_axle_to_front;
   wanted = std::min(wanted, std::sqrt(driving.max_lateral_accel / std::max(turn, 1e-6)));
   for (int k = 0; k < way.count; ++k) {
     const LaneCurve& curve = (*world.curves)[way.lanes[k].lane];
@@ -40,7 +42,8 @@ double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving,
       continue;
     }
     if (distance > speed * speed / (2.0 * driving.comfort_decel) + 1.0) break;
-    const double limit = std::min(curve.SpeedCap(0.0), world.network->lanes[way.lanes[k].lane].speed_limit / std::max(0.1, here) * traffic.speed_limit[i]);
+    const double limit = std::min(curve.SpeedCap(0.0), world.network->lanes[way.lanes[k].lane].speed_limit /
+                                                           std::max(0.1, here) * traffic.speed_limit[i]);
     wanted = std::min(wanted, BrakingSpeed(distance, limit, driving.comfort_decel));
   }
   return wanted;
@@ -48,13 +51,14 @@ double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving,
 
 /// The plan's acceleration, a PID on what was missed of the planned speed, then the powertrain's lag.
 /// Emergencies go to the brakes at once. @return acceleration [m/s^2].
-double ControlSpeed(const ControlParams& control, const VehicleParams& vehicle, const Plan& plan, bool emergency, double speed_error,
-                    double accel_now, double dt, PidState* pid) {
+double ControlSpeed(const ControlParams& control, const VehicleParams& vehicle, const Plan& plan,
+                    bool emergency, double speed_error, double accel_now, double dt, PidState* pid) {
   if (emergency) {
     *pid = {};
     return -vehicle.emergency_decel;
   }
-  const PidGains gains{control.speed_kp, control.speed_ki, control.speed_kd, control.derivative_filter, vehicle.max_accel};
+  const PidGains gains{control.speed_kp, control.speed_ki, control.speed_kd, control.derivative_filter,
+                       vehicle.max_accel};
   const double command = plan.accel + StepPid(gains, speed_error, dt, pid);
   const double share = dt / (vehicle.accel_lag + dt);
   return std::clamp(accel_now + share * (command - accel_now), -vehicle.emergency_decel, vehicle.max_accel);
@@ -62,22 +66,26 @@ double ControlSpeed(const ControlParams& control, const VehicleParams& vehicle, 
 
 /// PID on the lateral error gives the wanted course; the steering follows through its rate limit and lag.
 /// @return new steering angle [rad].
-double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, double lateral_error, double heading_error, double speed, double steering_now, double dt, PidState* pid) {
+double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, double lateral_error,
+                       double heading_error, double speed, double steering_now, double dt, PidState* pid) {
   const double reach = std::max(params.driving.tracking_distance, speed * params.driving.tracking_time);
   const PidGains gains{params.control.steering_kp, params.control.steering_ki, params.control.steering_kd,
                        params.control.derivative_filter, params.driving.max_course_angle};
   const double course = StepPid(gains, lateral_error / reach, dt, pid);
-  const double max_slip = SlipAngle(vehicle.max_steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
+  const double max_slip =
+      SlipAngle(vehicle.max_steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
   const double slip = std::clamp(course - heading_error, -max_slip, max_slip);
   const double wanted = SteeringAngle(slip, vehicle.wheelbase, vehicle.rear_axle_to_front);
   const double lagged = steering_now + dt / (vehicle.steering_lag + dt) * (wanted - steering_now);
-  const DynamicWindow window = ReachableSteering(steering_now, vehicle.max_steering_rate, vehicle.max_steering_angle, dt);
+  const DynamicWindow window =
+      ReachableSteering(steering_now, vehicle.max_steering_rate, vehicle.max_steering_angle, dt);
   return std::clamp(lagged, window.min, window.max);
 }
 
-/// [m] lateral position at which the vehicle belongs to the neighbour lane: its middle is over the border, or, where
-/// the lane ends for it, a good part of its body.
-double LaneBorder(const Lane& lane, const VehicleParams& vehicle, const Tactics& tactics, const WayAhead& way) {
+/// [m] lateral position at which the vehicle belongs to the neighbour lane: its middle is over the border,
+/// or, where the lane ends for it, a good part of its body.
+double LaneBorder(const Lane& lane, const VehicleParams& vehicle, const Tactics& tactics,
+                  const WayAhead& way) {
   constexpr double kBodyOver = 0.3, kLastRoom = 10.0;  // [m]
   const bool at_the_end = tactics.urgent && !way.leads_on && way.length < kLastRoom;
   return at_the_end ? 0.5 * (lane.width - vehicle.width) + kBodyOver : 0.5 * lane.width;
@@ -96,7 +104,8 @@ bool PassedHazard(const World& world, AgentIndex i, double progress) {
 
 }  // namespace
 
-AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params)
+AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
+                             const AgentParams& params)
     : network_(network), curves_(curves), params_(params), occupancy_(network) {
   for (int t = 0; t < omp_get_max_threads(); ++t) scratch_.push_back(std::make_unique<PlanScratch>());
 }
@@ -116,7 +125,8 @@ void AgentPipeline::UpdatePoses(Traffic* traffic) const {
   }
 }
 
-void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Traffic* traffic, Commands* commands) {
+void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Traffic* traffic,
+                         Commands* commands) {
   const std::size_t n = traffic->size();
   center_x_.resize(n);
   center_y_.resize(n);
@@ -132,11 +142,13 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
 #pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
   for (std::size_t i = 0; i < traffic->vehicle_count; ++i) {
     if (!traffic->driven[i]) continue;
-    StepAgent(world, static_cast<AgentIndex>(i), dt, guarded[i] != 0, scratch_[omp_get_thread_num()].get(), traffic, commands);
+    StepAgent(world, static_cast<AgentIndex>(i), dt, guarded[i] != 0, scratch_[omp_get_thread_num()].get(),
+              traffic, commands);
   }
 }
 
-void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch, Traffic* traffic, Commands* commands) const {
+void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
+                              Traffic* traffic, Commands* commands) const {
   const Motion& now = traffic->now;
   Motion& next = traffic->next;
   const VehicleParams& vehicle = traffic->params[i];
@@ -163,7 +175,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   context.corridor_max = tactics.corridor_max;
   context.free_speed = std::min(FreeSpeed(world, i, driving, way), tactics.speed_cap);
   context.vehicle = &vehicle;
-  const double horizon = std::max({10.0, speed * params_.dwa.horizon + 4.0, speed * speed / (2.0 * vehicle.max_decel) + speed + 5.0});
+  const double horizon = std::max(
+      {10.0, speed * params_.dwa.horizon + 4.0, speed * speed / (2.0 * vehicle.max_decel) + speed + 5.0});
   if (leader.row != kNone && !traffic->hazard[leader.row]) {
     context.leader_gap = leader.gap;
     context.leader_speed = leader.speed;
@@ -174,7 +187,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   double leader_gap = leader.gap, leader_speed = leader.speed;
   if (!queued) {
     SenseRoad(world, i, way, horizon, !guarded, &scratch->view);
-    plan = traffic->policy[i] == Policy::kIdm ? PlanIdm(params_, context, scratch) : PlanDwa(params_, context, scratch);
+    plan = traffic->policy[i] == Policy::kIdm ? PlanIdm(params_, context, scratch)
+                                              : PlanDwa(params_, context, scratch);
     if (scratch->courses.leader_gap < leader_gap || plan.target_d != context.target_d) {
       leader_gap = scratch->courses.leader_gap;
       leader_speed = scratch->courses.leader_speed;
@@ -184,20 +198,23 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   }
 
   // Control.
-  const bool emergency = plan.status == PlanStatus::kNoFeasibleCommand &&
-                         speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25);
+  const bool emergency =
+      plan.status == PlanStatus::kNoFeasibleCommand &&
+      speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25);
   next.speed_pid[i] = now.speed_pid[i];
   next.steering_pid[i] = now.steering_pid[i];
-  const double accel = ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed, now.accel[i], dt, &next.speed_pid[i]);
-  const double steering = ControlSteering(params_, vehicle, plan.target_d - now.d[i], now.heading_error[i], speed,
-                                          now.steering_angle[i], dt, &next.steering_pid[i]);
+  const double accel = ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed,
+                                    now.accel[i], dt, &next.speed_pid[i]);
+  const double steering = ControlSteering(params_, vehicle, plan.target_d - now.d[i], now.heading_error[i],
+                                          speed, now.steering_angle[i], dt, &next.steering_pid[i]);
 
   // Integrate.
   const LaneCurve& curve = curves_[now.lane[i]];
   RoadPose pose{now.s[i] * curve.scale(), now.d[i], now.heading_error[i]};
   double next_speed = speed;
   const double slip = SlipAngle(steering, vehicle.wheelbase, vehicle.rear_axle_to_front);
-  const double progress = StepBicycleOnRoad(accel, slip, vehicle.rear_axle_to_front, now.curvature[i], dt, &pose, &next_speed);
+  const double progress =
+      StepBicycleOnRoad(accel, slip, vehicle.rear_axle_to_front, now.curvature[i], dt, &pose, &next_speed);
   next.d[i] = pose.d;
   next.heading_error[i] = pose.heading_error;
   next.speed[i] = next_speed;
@@ -215,7 +232,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   commands->lane_speed[i] = progress / curve.scale() / dt;
   commands->emergency[i] = next_speed < speed - vehicle.max_decel * dt - 1e-9;
   commands->passed_on_lane[i] = PassedHazard(world, i, progress / curve.scale());
-  const bool crosses = tactics.lane_change != 0 && pose.d * tactics.lane_change > LaneBorder(network_.lanes[now.lane[i]], vehicle, tactics, way);
+  const bool crosses =
+      tactics.lane_change != 0 &&
+      pose.d * tactics.lane_change > LaneBorder(network_.lanes[now.lane[i]], vehicle, tactics, way);
   commands->change_lane[i] = crosses ? tactics.lane_change : std::int8_t{0};
 }
 

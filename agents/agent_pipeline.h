@@ -29,7 +29,8 @@ class AgentPipeline {
   const AgentParams& params() const { return params_; }
 
  private:
-  void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch, Traffic* traffic, Commands* commands) const;
+  void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
+                 Traffic* traffic, Commands* commands) const;
 
   const RoadNetwork& network_;
   const std::vector<LaneCurve>& curves_;

@@ -16,8 +16,9 @@ void MoveAll(std::size_t from, std::size_t to, Columns&... columns) {
 /// Calls f with every column of a Motion.
 template <class F>
 void WithColumns(Motion& m, F&& f) {
-  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.steering_angle, m.x, m.y, m.heading, m.curvature,
-    m.lane_change, m.blinker, m.urgent, m.since_change, m.yielded_to, m.speed_pid, m.steering_pid);
+  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.steering_angle, m.x, m.y, m.heading,
+    m.curvature, m.lane_change, m.blinker, m.urgent, m.since_change, m.yielded_to, m.speed_pid,
+    m.steering_pid);
 }
 
 /// Calls f with every column of Traffic but its motions.
@@ -51,7 +52,9 @@ void Traffic::RemoveRow(std::size_t row) {
   Resize(last);
 }
 
-void Commands::Resize(std::size_t n) { ResizeAll(n, lane_speed, change_lane, emergency, passed_on_lane); }
+void Commands::Resize(std::size_t n) {
+  ResizeAll(n, lane_speed, change_lane, emergency, passed_on_lane);
+}
 
 std::size_t AgentStateBytes() {
   Traffic traffic;

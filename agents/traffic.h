@@ -25,15 +25,16 @@ struct Motion {
   std::vector<double> heading_error;  ///< [rad] heading minus path tangent.
   std::vector<double> speed;          ///< [m/s] of the front bumper's middle.
   std::vector<double> accel;          ///< [m/s^2] realised by the powertrain.
-  std::vector<double> speed_ref;      ///< [m/s] the plan's speed for this moment; the speed PID works on the difference.
-  std::vector<double> steering_angle; ///< [rad] realised at the road wheel.
-  std::vector<double> x, y, heading;  ///< World pose of the front bumper's middle [m, m, rad].
-  std::vector<double> curvature;      ///< [1/m] of the reference path at s.
-  std::vector<std::int8_t> lane_change;   ///< Side of the lane change under way: +1 left, -1 right, 0 none.
-  std::vector<std::int8_t> blinker;       ///< Side the vehicle asks for (seen by others): +1, -1, 0.
-  std::vector<std::uint8_t> urgent;       ///< The asked change is needed to follow the route.
-  std::vector<float> since_change;        ///< [s] since the last lane change ended.
-  std::vector<std::int32_t> yielded_to;   ///< Vehicle number last let in on this edge; kNone if none.
+  std::vector<double>
+      speed_ref;  ///< [m/s] the plan's speed for this moment; the speed PID works on the difference.
+  std::vector<double> steering_angle;    ///< [rad] realised at the road wheel.
+  std::vector<double> x, y, heading;     ///< World pose of the front bumper's middle [m, m, rad].
+  std::vector<double> curvature;         ///< [1/m] of the reference path at s.
+  std::vector<std::int8_t> lane_change;  ///< Side of the lane change under way: +1 left, -1 right, 0 none.
+  std::vector<std::int8_t> blinker;      ///< Side the vehicle asks for (seen by others): +1, -1, 0.
+  std::vector<std::uint8_t> urgent;      ///< The asked change is needed to follow the route.
+  std::vector<float> since_change;       ///< [s] since the last lane change ended.
+  std::vector<std::int32_t> yielded_to;  ///< Vehicle number last let in on this edge; kNone if none.
   std::vector<PidState> speed_pid, steering_pid;
 
   void Resize(std::size_t n);
@@ -45,17 +46,20 @@ struct Motion {
 struct Traffic {
   std::size_t vehicle_count{0};
   // Set once per vehicle.
-  std::vector<std::int32_t> number;     ///< Running number in the run: key in the results.
+  std::vector<std::int32_t> number;  ///< Running number in the run: key in the results.
   std::vector<Policy> policy;
   std::vector<VehicleParams> params;
-  std::vector<const RoutePlan*> plan;   ///< Null for vehicles without a road route (rail, ships) and persons.
+  std::vector<const RoutePlan*> plan;  ///< Null for vehicles without a road route (rail, ships) and persons.
   // Set by the coupling in each step.
-  std::vector<std::int32_t> route_position;  ///< Route edge the vehicle is on, or has just left (in junctions).
-  std::vector<std::uint8_t> driven;          ///< Its agent drives it in this step.
-  std::vector<std::uint8_t> hazard;          ///< Stands at a planned stop on the road, or is broken down: hazard lights.
-  std::vector<double> stop_distance;         ///< [m] to the next planned stop; huge if none.
-  std::vector<std::int32_t> stop_lane;       ///< Lane number of the planned stop on the present edge; kNone if none.
-  std::vector<double> speed_limit;           ///< [m/s] wanted here: limit x speed factor, at most the type's maximum.
+  std::vector<std::int32_t>
+      route_position;                ///< Route edge the vehicle is on, or has just left (in junctions).
+  std::vector<std::uint8_t> driven;  ///< Its agent drives it in this step.
+  std::vector<std::uint8_t>
+      hazard;  ///< Stands at a planned stop on the road, or is broken down: hazard lights.
+  std::vector<double> stop_distance;  ///< [m] to the next planned stop; huge if none.
+  std::vector<std::int32_t>
+      stop_lane;                    ///< Lane number of the planned stop on the present edge; kNone if none.
+  std::vector<double> speed_limit;  ///< [m/s] wanted here: limit x speed factor, at most the type's maximum.
   Motion now, next;
 
   std::size_t size() const { return number.size(); }
@@ -65,10 +69,12 @@ struct Traffic {
 
 /// What an agent asks of the simulation for one step.
 struct Commands {
-  std::vector<double> lane_speed;       ///< [m/s] progress along SUMO's lane.
-  std::vector<std::int8_t> change_lane; ///< The front crosses into the neighbour lane in this step: +1, -1, 0.
+  std::vector<double> lane_speed;  ///< [m/s] progress along SUMO's lane.
+  std::vector<std::int8_t>
+      change_lane;  ///< The front crosses into the neighbour lane in this step: +1, -1, 0.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
-  std::vector<std::uint8_t> passed_on_lane; ///< The front has just passed a standing vehicle of the same lane.
+  std::vector<std::uint8_t>
+      passed_on_lane;  ///< The front has just passed a standing vehicle of the same lane.
   void Resize(std::size_t n);
 };
 

@@ -57,7 +57,9 @@ auto Guarded(const fs::path& path, Work&& work) {
   }
 }
 
-bool IsWritable(const fs::path& path) { return ::faccessat(AT_FDCWD, path.c_str(), W_OK, AT_EACCESS) == 0; }
+bool IsWritable(const fs::path& path) {
+  return ::faccessat(AT_FDCWD, path.c_str(), W_OK, AT_EACCESS) == 0;
+}
 
 std::uint32_t BigEndian(const std::array<char, 100>& header, std::size_t at) {
   std::uint32_t value = 0;
@@ -157,15 +159,23 @@ std::optional<std::int32_t> OrNull(std::int32_t number) {
 
 // What goes into which table. Values in the order of the table's columns, run_id first.
 
-const char* TableOf(const VehicleRow&) { return "vehicle"; }
+const char* TableOf(const VehicleRow&) {
+  return "vehicle";
+}
 void BindRow(const VehicleRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.number, r.id, r.type, r.vclass, r.policy, r.depart, r.depart_delay, r.length, r.width);
 }
 
-const char* TableOf(const LaneRow&) { return "lane"; }
-void BindRow(const LaneRow& r, std::int64_t run_id, Binder bind) { bind(run_id, r.lane, r.id); }
+const char* TableOf(const LaneRow&) {
+  return "lane";
+}
+void BindRow(const LaneRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.lane, r.id);
+}
 
-const char* TableOf(const TripRow&) { return "trip"; }
+const char* TableOf(const TripRow&) {
+  return "trip";
+}
 void BindRow(const TripRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.vehicle_number, ToString(r.end), r.depart, r.arrival, r.duration, r.depart_delay,
        r.route_length, r.waiting_time, r.waiting_count, r.stop_time, r.time_loss, r.max_accel, r.max_decel,
@@ -173,7 +183,9 @@ void BindRow(const TripRow& r, std::int64_t run_id, Binder bind) {
        r.electricity, r.steps, r.agent_steps, r.min_ttc);
 }
 
-const char* TableOf(const TrajectoryRow&) { return "trajectory"; }
+const char* TableOf(const TrajectoryRow&) {
+  return "trajectory";
+}
 void BindRow(const TrajectoryRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.time, r.vehicle_number, r.x, r.y, r.heading, r.speed, r.accel);
   if (r.lane == kNone) {
@@ -183,7 +195,9 @@ void BindRow(const TrajectoryRow& r, std::int64_t run_id, Binder bind) {
   }
 }
 
-const char* TableOf(const Contact&) { return "collision"; }
+const char* TableOf(const Contact&) {
+  return "collision";
+}
 void BindRow(const Contact& r, std::int64_t run_id, Binder bind) {
   const std::int32_t struck = r.striking == kNone ? kNone : r.striking == r.first ? r.second : r.first;
   bind(std::nullopt, run_id, r.first, r.second, OrNull(r.striking), OrNull(struck), r.first_agent,
@@ -191,25 +205,33 @@ void BindRow(const Contact& r, std::int64_t run_id, Binder bind) {
        OrNull(r.second_lane), r.in_junction, r.first_speed, r.second_speed, r.closing_speed, r.max_depth);
 }
 
-const char* TableOf(const Encounter&) { return "encounter"; }
+const char* TableOf(const Encounter&) {
+  return "encounter";
+}
 void BindRow(const Encounter& r, std::int64_t run_id, Binder bind) {
   bind(std::nullopt, run_id, r.first, r.second, r.first_agent, r.second_agent, r.begin, r.end, r.min_ttc,
        r.min_ttc_time, r.x, r.y, OrNull(r.first_lane), OrNull(r.second_lane), r.in_junction, r.contact,
        r.near_miss);
 }
 
-const char* TableOf(const StepSummaryRow&) { return "step_summary"; }
+const char* TableOf(const StepSummaryRow&) {
+  return "step_summary";
+}
 void BindRow(const StepSummaryRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.time, r.running, r.halting, r.waiting_to_insert, r.arrived, r.agent_driven, r.mean_speed,
        r.wall_time);
 }
 
-const char* TableOf(const AuditRow&) { return "audit"; }
+const char* TableOf(const AuditRow&) {
+  return "audit";
+}
 void BindRow(const AuditRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.cause, r.count, r.max_position_error, r.max_speed_error);
 }
 
-const char* TableOf(const PolicyShareRow&) { return "policy_share"; }
+const char* TableOf(const PolicyShareRow&) {
+  return "policy_share";
+}
 void BindRow(const PolicyShareRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.policy, r.vehicles, r.vehicle_steps, r.agent_steps);
 }
@@ -277,9 +299,13 @@ std::string Cell(const std::optional<double>& value, int digits) {
   return value ? fmt::format("{:.{}f}", *value, digits) : "-";
 }
 
-std::string Cell(std::int64_t value) { return fmt::format("{}", value); }
+std::string Cell(std::int64_t value) {
+  return fmt::format("{}", value);
+}
 
-std::string Cell(const std::optional<std::int64_t>& value) { return value ? Cell(*value) : "-"; }
+std::string Cell(const std::optional<std::int64_t>& value) {
+  return value ? Cell(*value) : "-";
+}
 
 /// Lines of cells as text, columns aligned: the first to the left, the others to the right.
 std::string FormatTable(const std::vector<std::vector<std::string>>& lines) {
@@ -299,7 +325,9 @@ std::string FormatTable(const std::vector<std::vector<std::string>>& lines) {
 
 }  // namespace
 
-void ResultsFile::CheckAppend(const fs::path& path) { CheckOpen(path, Mode::kAppend); }
+void ResultsFile::CheckAppend(const fs::path& path) {
+  CheckOpen(path, Mode::kAppend);
+}
 
 ResultsFile ResultsFile::Open(const fs::path& path, Mode mode) {
   CheckOpen(path, mode);

@@ -34,7 +34,8 @@ class ResultsFile {
   enum class Mode : std::uint8_t { kRead, kAppend };
 
   static ResultsFile Open(const std::filesystem::path& path, Mode mode);
-  /// Refuses what Open(path, kAppend) would refuse, as far as can be told without creating or writing anything.
+  /// Refuses what Open(path, kAppend) would refuse, as far as can be told without creating or writing
+  /// anything.
   static void CheckAppend(const std::filesystem::path& path);
 
   ResultsFile(ResultsFile&&) noexcept;

@@ -20,9 +20,15 @@ std::uint64_t PairKey(std::int32_t first, std::int32_t second) {
          static_cast<std::uint32_t>(second);
 }
 
-double Dot(Point2 a, Point2 b) { return a.x * b.x + a.y * b.y; }
-Point2 Left(Point2 u) { return {-u.y, u.x}; }
-Point2 Forward(const Footprint& f) { return {std::cos(f.front.heading), std::sin(f.front.heading)}; }
+double Dot(Point2 a, Point2 b) {
+  return a.x * b.x + a.y * b.y;
+}
+Point2 Left(Point2 u) {
+  return {-u.y, u.x};
+}
+Point2 Forward(const Footprint& f) {
+  return {std::cos(f.front.heading), std::sin(f.front.heading)};
+}
 
 Point2 Center(const Footprint& f) {
   const Point2 u = Forward(f);
@@ -361,9 +367,13 @@ void SafetyMonitor::CloseUntil(double last_seen) {
   MoveFinished(last_seen, &open_encounters_, &finished_encounters_);
 }
 
-void SafetyMonitor::Finish() { CloseUntil(std::numeric_limits<double>::infinity()); }
+void SafetyMonitor::Finish() {
+  CloseUntil(std::numeric_limits<double>::infinity());
+}
 
-std::vector<Contact> SafetyMonitor::TakeFinishedContacts() { return std::exchange(finished_contacts_, {}); }
+std::vector<Contact> SafetyMonitor::TakeFinishedContacts() {
+  return std::exchange(finished_contacts_, {});
+}
 
 std::vector<Encounter> SafetyMonitor::TakeFinishedEncounters() {
   return std::exchange(finished_encounters_, {});

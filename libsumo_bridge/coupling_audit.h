@@ -14,16 +14,17 @@ enum class AuditCause : std::uint8_t {
   kRouteChange,    ///< A rerouter changed the way.
   kOtherLink,      ///< SUMO took another link of the junction than foreseen.
   kLaneChangeMissed,  ///< The commanded lane change was not carried out in the next step.
-  kTeleport,       ///< Off the road. Counted, nothing to compare.
+  kTeleport,          ///< Off the road. Counted, nothing to compare.
 };
 inline constexpr std::size_t kAuditCauses = 7;
 inline constexpr std::array<std::string_view, kAuditCauses> kAuditCauseNames{
-    "mid_block", "junction_guard", "handed_back", "route_change", "other_link", "lane_change_missed", "teleport"};
+    "mid_block",  "junction_guard",     "handed_back", "route_change",
+    "other_link", "lane_change_missed", "teleport"};
 
 /// Vehicle-steps by cause, and how far commanded and realised motion lay apart.
 struct AuditCount {
-  std::int64_t steps{0};       ///< Vehicle-steps checked under this cause.
-  std::int64_t different{0};   ///< Of these, with a difference above 1e-6.
+  std::int64_t steps{0};           ///< Vehicle-steps checked under this cause.
+  std::int64_t different{0};       ///< Of these, with a difference above 1e-6.
   double max_position_error{0.0};  ///< [m] along the lane.
   double max_speed_error{0.0};     ///< [m/s]
 };

@@ -38,10 +38,18 @@ void SumoSession::Step() {
   Guard("step", [] { libsumo::Simulation::step(); });
 }
 
-double SumoSession::time() const { return libsumo::Simulation::getTime(); }
-double SumoSession::step_length() const { return libsumo::Simulation::getDeltaT(); }
-int SumoSession::ExpectedNumber() const { return libsumo::Simulation::getMinExpectedNumber(); }
-std::string SumoSession::Version() { return libsumo::Simulation::getVersion().second; }
+double SumoSession::time() const {
+  return libsumo::Simulation::getTime();
+}
+double SumoSession::step_length() const {
+  return libsumo::Simulation::getDeltaT();
+}
+int SumoSession::ExpectedNumber() const {
+  return libsumo::Simulation::getMinExpectedNumber();
+}
+std::string SumoSession::Version() {
+  return libsumo::Simulation::getVersion().second;
+}
 
 std::string SumoSession::EnsureHome() {
   const char* home = std::getenv("SUMO_HOME");

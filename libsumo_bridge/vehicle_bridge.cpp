@@ -14,7 +14,8 @@ namespace {
 
 using SumoVehicle = libsumo::Vehicle;
 
-// Bits of Vehicle::setSpeedMode: every check on, and every check off (bit 5 switches the one inside junctions off).
+// Bits of Vehicle::setSpeedMode: every check on, and every check off (bit 5 switches the one inside junctions
+// off).
 constexpr int kAllChecks = 31;
 constexpr int kNoChecks = 32;
 // Vehicle::setLaneChangeMode: SUMO changes lanes by itself (its default), and never.
@@ -22,15 +23,16 @@ constexpr int kSumoLaneChanges = 1621;
 constexpr int kNoLaneChanges = 0;
 
 constexpr double kFar = 1e9;
-constexpr double kDeadEndView = 30.0;  // [m]
-constexpr double kRescueAfter = 30.0;  // [s] of standing before a lane's end for want of a lane change.
-constexpr double kLaneEndZone = 10.0;  // [m]
+constexpr double kDeadEndView = 30.0;   // [m]
+constexpr double kRescueAfter = 30.0;   // [s] of standing before a lane's end for want of a lane change.
+constexpr double kLaneEndZone = 10.0;   // [m]
 constexpr double kStandingSpeed = 0.1;  // [m/s]
-constexpr double kStopMargin = 20.0;  // [m] beyond braking distance at which a planned stop is SUMO's.
+constexpr double kStopMargin = 20.0;    // [m] beyond braking distance at which a planned stop is SUMO's.
 
 /// Classes whose motion is not a road vehicle's: they stay with SUMO.
 bool IsRoadVehicle(const std::string& vehicle_class) {
-  for (const char* other : {"rail", "rail_urban", "rail_electric", "rail_fast", "tram", "ship", "pedestrian"}) {
+  for (const char* other :
+       {"rail", "rail_urban", "rail_electric", "rail_fast", "tram", "ship", "pedestrian"}) {
     if (vehicle_class == other) return false;
   }
   return true;
@@ -55,7 +57,9 @@ bool HasConflicts(const RoadNetwork& network, const Connection& connection) {
   if (connection.signal != kNone) return true;
   if (connection.junction == kNone || connection.request == kNone) return false;
   const RightOfWay& request = network.junctions[connection.junction].requests[connection.request];
-  const auto any = [](const std::vector<bool>& bits) { return std::find(bits.begin(), bits.end(), true) != bits.end(); };
+  const auto any = [](const std::vector<bool>& bits) {
+    return std::find(bits.begin(), bits.end(), true) != bits.end();
+  };
   return any(request.response) || any(request.foes);
 }
 
@@ -68,9 +72,13 @@ Policy ParsePolicy(std::string_view name, std::string_view origin) {
   throw ConfigError(fmt::format("{}: unknown policy '{}'; allowed: sumo, idm, dwa", origin, name));
 }
 
-VehicleBridge::VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params,
-                             Policy default_policy, Rules rules)
-    : network_(network), curves_(curves), params_(params), default_policy_(default_policy), rules_(rules),
+VehicleBridge::VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
+                             const AgentParams& params, Policy default_policy, Rules rules)
+    : network_(network),
+      curves_(curves),
+      params_(params),
+      default_policy_(default_policy),
+      rules_(rules),
       lane_guarded_(network.lanes.size()) {
   for (const Connection& connection : network.connections) {
     if (!HasConflicts(network, connection)) continue;
@@ -83,17 +91,20 @@ VehicleBridge::VehicleBridge(const RoadNetwork& network, const std::vector<LaneC
   }
 }
 
-Policy VehicleBridge::PolicyOf(const std::string& id, const std::string& type, const std::string& vehicle_class) {
+Policy VehicleBridge::PolicyOf(const std::string& id, const std::string& type,
+                               const std::string& vehicle_class) {
   if (!IsRoadVehicle(vehicle_class)) return Policy::kSumo;
   const auto [it, fresh] = type_policy_.try_emplace(type);
   if (fresh) it->second = libsumo::VehicleType::getParameter(type, "lanewise.policy");
   const std::string own = SumoVehicle::getParameter(id, "lanewise.policy");
   if (!own.empty()) return ParsePolicy(own, fmt::format("vehicle '{}', param lanewise.policy", id));
-  if (!it->second.empty()) return ParsePolicy(it->second, fmt::format("vType '{}', param lanewise.policy", type));
+  if (!it->second.empty())
+    return ParsePolicy(it->second, fmt::format("vType '{}', param lanewise.policy", type));
   return default_policy_;
 }
 
-const RoutePlan* VehicleBridge::PlanFor(const std::vector<std::string>& edges, VehicleClassMask vehicle_class) {
+const RoutePlan* VehicleBridge::PlanFor(const std::vector<std::string>& edges,
+                                        VehicleClassMask vehicle_class) {
   std::vector<EdgeIndex> route;
   for (const std::string& id : edges) {
     const EdgeIndex edge = network_.FindEdge(id);
@@ -165,7 +176,8 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   now.since_change[row] = 0.0f;
   now.yielded_to[row] = kNone;
   Replan(row, traffic);
-  for (const auto& stop : SumoVehicle::getStops(id)) coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
+  for (const auto& stop : SumoVehicle::getStops(id))
+    coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
   if (traffic->policy[row] == Policy::kSumo || traffic->plan[row] == nullptr) {
     traffic->policy[row] = Policy::kSumo;
     return;
@@ -200,7 +212,8 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
     const std::string lane_id = SumoVehicle::getLaneID(id);
     // Most vehicles are where they were: comparing one id is cheaper than looking it up.
     const LaneIndex expected = coupled_[row].commanded ? coupled_[row].expected_lane : last_lane;
-    const LaneIndex lane = expected != kNone && network_.lanes[expected].id == lane_id ? expected : network_.FindLane(lane_id);
+    const LaneIndex lane =
+        expected != kNone && network_.lanes[expected].id == lane_id ? expected : network_.FindLane(lane_id);
     const double speed = SumoVehicle::getSpeed(id);
     if (lane == kNone) {  // Teleporting, or on no road of ours.
       now.lane[row] = kNone;
@@ -226,8 +239,9 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
     }
     UpdateStops(row, dt, traffic);
     traffic->driven[row] = traffic->policy[row] != Policy::kSumo && !coupled_[row].handed_back;
-    emissions_[row] = {SumoVehicle::getCO2Emission(id), SumoVehicle::getNOxEmission(id), SumoVehicle::getPMxEmission(id),
-                       SumoVehicle::getFuelConsumption(id), SumoVehicle::getElectricityConsumption(id)};
+    emissions_[row] = {SumoVehicle::getCO2Emission(id), SumoVehicle::getNOxEmission(id),
+                       SumoVehicle::getPMxEmission(id), SumoVehicle::getFuelConsumption(id),
+                       SumoVehicle::getElectricityConsumption(id)};
   } catch (const libsumo::TraCIException&) {
     return false;  // It left the simulation.
   }
@@ -248,7 +262,9 @@ void VehicleBridge::FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffi
   const auto route = traffic->plan[row]->route();
   std::int32_t& position = traffic->route_position[row];
   const EdgeIndex edge = network_.lanes[lane].edge;
-  const auto is_at = [&](std::int32_t p) { return static_cast<std::size_t>(p) < route.size() && route[p] == edge; };
+  const auto is_at = [&](std::int32_t p) {
+    return static_cast<std::size_t>(p) < route.size() && route[p] == edge;
+  };
   if (is_at(position)) return;
   traffic->now.yielded_to[row] = kNone;  // A new edge: the right to be let in starts afresh.
   position = is_at(position + 1) ? position + 1 : SumoVehicle::getRouteIndex(records_[row].id);
@@ -262,7 +278,8 @@ void VehicleBridge::Replan(std::size_t row, Traffic* traffic) {
   coupled_[row].route_changed = true;
 }
 
-void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic) {
+void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt,
+                               Traffic* traffic) {
   Motion& now = traffic->now;
   const std::string& id = records_[row].id;
   const libsumo::TraCIPosition position = SumoVehicle::getPosition(id);
@@ -274,7 +291,8 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
   now.heading_error[row] = WrapAngle(now.heading[row] - point.heading);
   now.x[row] = position.x;
   now.y[row] = position.y;
-  now.d[row] = (position.y - point.y) * std::cos(point.heading) - (position.x - point.x) * std::sin(point.heading);
+  now.d[row] =
+      (position.y - point.y) * std::cos(point.heading) - (position.x - point.x) * std::sin(point.heading);
   now.accel[row] = fresh ? 0.0 : (speed - traffic->next.speed[row]) / dt;
   now.speed[row] = speed;
   now.speed_ref[row] = speed;
@@ -285,7 +303,8 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
   now.speed_pid[row] = now.steering_pid[row] = {};
 }
 
-void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic) {
+void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt,
+                               Traffic* traffic) {
   Motion& now = traffic->now;
   const Motion& before = traffic->next;  // Swapped: the state the command was given in.
   Coupled& coupled = coupled_[row];
@@ -294,9 +313,11 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
 
   if (std::abs(speed - coupled.commanded_speed) > CouplingAudit::kTolerance) {
     // SUMO drove less far: so the lateral motion did not get as far either.
-    const double share = coupled.commanded_speed > 0.0 ? std::clamp(speed / coupled.commanded_speed, 0.0, 1.0) : 0.0;
+    const double share =
+        coupled.commanded_speed > 0.0 ? std::clamp(speed / coupled.commanded_speed, 0.0, 1.0) : 0.0;
     now.d[row] = before.d[row] + share * (now.d[row] - before.d[row]);
-    now.heading_error[row] = before.heading_error[row] + share * (now.heading_error[row] - before.heading_error[row]);
+    now.heading_error[row] =
+        before.heading_error[row] + share * (now.heading_error[row] - before.heading_error[row]);
     now.speed[row] = speed * curves_[lane].scale();
     now.accel[row] = (now.speed[row] - before.speed[row]) / dt;
     now.speed_ref[row] = now.speed[row];
@@ -306,7 +327,8 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
   if (coupled.change_commanded != 0 && lane == network_.Neighbor(left_lane, coupled.change_commanded)) {
     const PathPoint from = curves_[left_lane].At(s);
     const PathPoint to = curves_[lane].At(s);
-    const double x = from.x - now.d[row] * std::sin(from.heading), y = from.y + now.d[row] * std::cos(from.heading);
+    const double x = from.x - now.d[row] * std::sin(from.heading),
+                 y = from.y + now.d[row] * std::cos(from.heading);
     now.d[row] = (y - to.y) * std::cos(to.heading) - (x - to.x) * std::sin(to.heading);
     now.heading_error[row] = WrapAngle(now.heading_error[row] + from.heading - to.heading);
     now.lane_change[row] = now.blinker[row] = 0;
@@ -344,7 +366,8 @@ double VehicleBridge::DistanceToDeadEnd(std::size_t row, const Traffic& traffic)
 
 bool VehicleBridge::NeedsRescue(std::size_t row, double dt, const Traffic& traffic) {
   Coupled& coupled = coupled_[row];
-  const bool stands = traffic.now.speed[row] < kStandingSpeed && DistanceToDeadEnd(row, traffic) < kDeadEndView;
+  const bool stands =
+      traffic.now.speed[row] < kStandingSpeed && DistanceToDeadEnd(row, traffic) < kDeadEndView;
   coupled.stuck_time = stands ? coupled.stuck_time + dt : 0.0;
   if (coupled.stuck_time < kRescueAfter) return false;
   ++rescues_;
@@ -403,7 +426,8 @@ void VehicleBridge::UpdateStops(std::size_t row, double dt, Traffic* traffic) {
     if (parking) traffic->now.lane[row] = kNone;  // Beside the road.
     if (!stopped) {
       coupled.stops.clear();
-      for (const auto& stop : SumoVehicle::getStops(id)) coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
+      for (const auto& stop : SumoVehicle::getStops(id))
+        coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
     }
   }
   if (traffic->policy[row] == Policy::kSumo) return;
@@ -412,23 +436,27 @@ void VehicleBridge::UpdateStops(std::size_t row, double dt, Traffic* traffic) {
     const auto route = traffic->plan[row]->route();
     const std::size_t here = static_cast<std::size_t>(traffic->route_position[row]);
     const EdgeIndex edge = stop.lane == kNone ? kNone : network_.lanes[stop.lane].edge;
-    const auto found = std::find(route.begin() + static_cast<std::ptrdiff_t>(std::min(here, route.size())), route.end(), edge);
+    const auto found = std::find(route.begin() + static_cast<std::ptrdiff_t>(std::min(here, route.size())),
+                                 route.end(), edge);
     if (edge == kNone) {
       traffic->stop_distance[row] = 0.0;  // At a place we do not know: SUMO's business.
     } else if (found != route.end()) {
       const std::size_t there = static_cast<std::size_t>(found - route.begin());
       const LaneIndex lane = traffic->now.lane[row];
       const bool internal = lane != kNone && network_.lanes[lane].internal;
-      const double driven = internal ? network_.lanes[network_.edges[route[here]].first_lane].length : traffic->now.s[row];
-      traffic->stop_distance[row] = traffic->plan[row]->RemainingLength(here) - traffic->plan[row]->RemainingLength(there) - driven + stop.end;
+      const double driven =
+          internal ? network_.lanes[network_.edges[route[here]].first_lane].length : traffic->now.s[row];
+      traffic->stop_distance[row] = traffic->plan[row]->RemainingLength(here) -
+                                    traffic->plan[row]->RemainingLength(there) - driven + stop.end;
       if (there == here && !internal) traffic->stop_lane[row] = network_.lanes[stop.lane].index;
     }
   }
   const double speed = traffic->now.speed[row];
   const double braking = speed * speed / (2.0 * params_.driving.comfort_decel) + 2.0 * speed;
-  // After a stop in a bay or on a bus lane, and where an agent has no room left to change lanes, SUMO brings the vehicle to a
-  // lane that leads on.
-  const bool hand_back = rescue || traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin ||
+  // After a stop in a bay or on a bus lane, and where an agent has no room left to change lanes, SUMO brings
+  // the vehicle to a lane that leads on.
+  const bool hand_back = rescue || traffic->hazard[row] != 0 ||
+                         traffic->stop_distance[row] < braking + kStopMargin ||
                          (coupled.handed_back && DistanceToDeadEnd(row, *traffic) < kDeadEndView);
   if (hand_back == coupled.handed_back) return;
   coupled.handed_back = hand_back;
@@ -445,7 +473,8 @@ bool VehicleBridge::NeedsGuard(std::size_t row, const Traffic& traffic) const {
   if (network_.lanes[lane].internal && lane_guarded_[lane]) return true;
   const VehicleParams& vehicle = traffic.params[row];
   const double speed = traffic.now.speed[row];
-  const double braking = speed * speed / (2.0 * vehicle.max_decel) + speed * vehicle.time_gap + params_.driving.guard_margin;
+  const double braking =
+      speed * speed / (2.0 * vehicle.max_decel) + speed * vehicle.time_gap + params_.driving.guard_margin;
   std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
   double distance = -traffic.now.s[row];
   while (true) {
@@ -456,7 +485,8 @@ bool VehicleBridge::NeedsGuard(std::size_t row, const Traffic& traffic) const {
     const Lane& following = network_.lanes[next];
     if (following.internal && lane_guarded_[next]) return true;
     if (!following.internal) {
-      if (!network_.lanes[lane].internal && lane_guarded_[lane]) return true;  // A junction without internal lanes.
+      if (!network_.lanes[lane].internal && lane_guarded_[lane])
+        return true;  // A junction without internal lanes.
       ++position;
     }
     lane = next;
@@ -480,11 +510,13 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
       continue;
     }
     const std::string& id = records_[row].id;
-    // With checks on SUMO does not brake harder than the type's decel: in an emergency the agent brakes alone.
+    // With checks on SUMO does not brake harder than the type's decel: in an emergency the agent brakes
+    // alone.
     SetChecks(row, guarded_[row] && !commands.emergency[row]);
     SumoVehicle::setSpeed(id, commands.lane_speed[row]);
     if (commands.passed_on_lane[row]) {
-      // SUMO keeps a lane's vehicles in the order in which they came: put this one in front of whom it passed.
+      // SUMO keeps a lane's vehicles in the order in which they came: put this one in front of whom it
+      // passed.
       SumoVehicle::moveTo(id, network_.lanes[traffic->now.lane[row]].id, traffic->now.s[row]);
     }
     const int change = commands.change_lane[row];
@@ -525,7 +557,9 @@ void VehicleBridge::ReadPersons(double time, Traffic* traffic) {
   }
 }
 
-std::size_t VehicleBridge::pending() const { return libsumo::Simulation::getPendingVehicles().size(); }
+std::size_t VehicleBridge::pending() const {
+  return libsumo::Simulation::getPendingVehicles().size();
+}
 
 void VehicleBridge::HashState(const Traffic& traffic, StateHash* hash) const {
   const Motion& now = traffic.now;

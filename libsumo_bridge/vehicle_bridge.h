@@ -62,16 +62,19 @@ class VehicleBridge {
   /// By row: SUMO's checks are on for this vehicle in the coming step.
   const std::vector<std::uint8_t>& guarded() const { return guarded_; }
   const VehicleRecord& record(std::size_t row) const { return records_[row]; }
-  std::span<const std::int32_t> new_vehicles() const { return new_vehicles_; }   ///< Rows that entered in the last Read.
-  std::span<const NewPerson> new_persons() const { return new_persons_; }        ///< Likewise.
-  std::span<const Departure> gone() const { return gone_; }                      ///< That left in the last Read.
-  const std::vector<EmissionRates>& emissions() const { return emissions_; }     ///< By row.
+  std::span<const std::int32_t> new_vehicles() const {
+    return new_vehicles_;
+  }  ///< Rows that entered in the last Read.
+  std::span<const NewPerson> new_persons() const { return new_persons_; }     ///< Likewise.
+  std::span<const Departure> gone() const { return gone_; }                   ///< That left in the last Read.
+  const std::vector<EmissionRates>& emissions() const { return emissions_; }  ///< By row.
   const CouplingAudit& audit() const { return audit_; }
   std::int64_t teleports() const { return teleports_; }
   std::int64_t emergency_stops() const { return emergency_stops_; }
   /// Halts of an agent within 10 m of the end of a lane that does not lead along its route.
   std::int64_t lane_end_halts() const { return lane_end_halts_; }
-  /// Agents that stood 30 s for want of a lane change and were handed to SUMO, which changes lanes without room.
+  /// Agents that stood 30 s for want of a lane change and were handed to SUMO, which changes lanes without
+  /// room.
   std::int64_t rescues() const { return rescues_; }
   std::size_t pending() const;
   /// Feeds the motion of every vehicle, in row order.
@@ -85,18 +88,18 @@ class VehicleBridge {
   /// What the bridge remembers of a vehicle besides its row in Traffic.
   struct Coupled {
     std::string route_id;
-    std::vector<Stop> stops;            // Planned, next first.
+    std::vector<Stop> stops;  // Planned, next first.
     VehicleClassMask class_mask{0};
-    bool handed_back{false};            // SUMO drives it (planned stop, or no room to change lanes).
-    bool commanded{false};              // The last Write commanded it.
-    bool checks_on{false};              // Speed mode 31 is set.
-    bool route_changed{false};          // Since the last command.
+    bool handed_back{false};    // SUMO drives it (planned stop, or no room to change lanes).
+    bool commanded{false};      // The last Write commanded it.
+    bool checks_on{false};      // Speed mode 31 is set.
+    bool route_changed{false};  // Since the last command.
     bool halted_at_lane_end{false};
-    double stuck_time{0.0};             // [s] standing before a dead end.
+    double stuck_time{0.0};  // [s] standing before a dead end.
     std::int8_t change_commanded{0};
-    LaneIndex expected_lane{kNone};     // Where the command should lead.
-    double expected_s{0.0};             // [m]
-    double commanded_speed{0.0};        // [m/s]
+    LaneIndex expected_lane{kNone};  // Where the command should lead.
+    double expected_s{0.0};          // [m]
+    double commanded_speed{0.0};     // [m/s]
   };
 
   void AddVehicle(const std::string& id, double time, Traffic* traffic);
@@ -124,7 +127,7 @@ class VehicleBridge {
   AgentParams params_;
   Policy default_policy_;
   Rules rules_;
-  std::vector<bool> lane_guarded_;        // By lane: a normal lane's way out, or an internal lane, has conflicts.
+  std::vector<bool> lane_guarded_;  // By lane: a normal lane's way out, or an internal lane, has conflicts.
   std::int32_t next_number_{0};
   std::vector<VehicleRecord> records_;    // By row.
   std::vector<Coupled> coupled_;          // By row.

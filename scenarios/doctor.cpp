@@ -20,11 +20,14 @@ bool RunDoctor() {
     fmt::print("{:<5} {:<22} {}\n", good ? "ok" : "FAIL", what, found);
     ok = ok && good;
   };
-  line(true, "lanewise", fmt::format("{} ({}, {})", LANEWISE_VERSION, LANEWISE_GIT_COMMIT, LANEWISE_COMPILER));
+  line(true, "lanewise",
+       fmt::format("{} ({}, {})", LANEWISE_VERSION, LANEWISE_GIT_COMMIT, LANEWISE_COMPILER));
   const char* given = std::getenv("SUMO_HOME");
   const std::string home = SumoSession::EnsureHome();
   const bool schemas = std::filesystem::exists(std::filesystem::path(home) / "data" / "xsd" / "net_file.xsd");
-  line(schemas, "SUMO_HOME", fmt::format("{}{}{}", home, given == nullptr ? " (not set; found when built)" : "", schemas ? "" : ": holds no data/xsd; install sumo, or set SUMO_HOME"));
+  line(schemas, "SUMO_HOME",
+       fmt::format("{}{}{}", home, given == nullptr ? " (not set; found when built)" : "",
+                   schemas ? "" : ": holds no data/xsd; install sumo, or set SUMO_HOME"));
   line(true, "libsumo", SumoSession::Version());
   line(true, "SQLite", SQLite::getLibVersion());
   line(true, "Eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION));
@@ -39,7 +42,9 @@ bool RunDoctor() {
     Resolve(&config);
     const RunReport report = Run(config);
     const AuditCount& audit = report.audit.by_cause[static_cast<std::size_t>(AuditCause::kMidBlock)];
-    line(audit.different == 0, "self-check", fmt::format("2 s of 'town': {} vehicles, {} vehicle-steps, {} of {} commands not carried out", report.outcome.inserted, report.outcome.vehicle_steps, audit.different, audit.steps));
+    line(audit.different == 0, "self-check",
+         fmt::format("2 s of 'town': {} vehicles, {} vehicle-steps, {} of {} commands not carried out",
+                     report.outcome.inserted, report.outcome.vehicle_steps, audit.different, audit.steps));
   } catch (const std::exception& error) {
     line(false, "self-check", error.what());
   }

@@ -2,8 +2,8 @@
 
 namespace lanewise {
 
-/// Prints what Lanewise found on this machine (SUMO, libraries, versions) and drives a shipped network for two
-/// simulated seconds. @return true if everything works.
+/// Prints what Lanewise found on this machine (SUMO, libraries, versions) and drives a shipped network for
+/// two simulated seconds. @return true if everything works.
 bool RunDoctor();
 
 }  // namespace lanewise

@@ -23,46 +23,66 @@ constexpr int kOk = 0, kFailed = 1, kBadInput = 2, kInterrupted = 130;
 
 /// What `run`, `demo` and `bench city` share, as text: checked by Finish.
 struct RunOptions {
-  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, results, params_file, output_folder;
+  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, results, params_file,
+      output_folder;
   std::vector<std::string> assignments;
   std::optional<double> end;
   RunConfig config;
 };
 
 void AddRunOptions(CLI::App* app, RunOptions* o) {
-  app->add_option("-c,--configuration-file", o->config_file, "SUMO configuration (.sumocfg); taken unchanged");
+  app->add_option("-c,--configuration-file", o->config_file,
+                  "SUMO configuration (.sumocfg); taken unchanged");
   app->add_option("-n,--net-file", o->net_file, "SUMO network, instead of -c");
   app->add_option("-r,--route-files", o->config.route_files, "demand to -n, comma-separated");
-  app->add_option("-a,--additional-files", o->config.additional_files, "additional files to -n, comma-separated");
-  app->add_option("--scenario", o->scenario, "a network shipped with Lanewise: town, merge, roundabout, priority_crossing, breakdown, arena");
-  app->add_option("--policy", o->policy, "who drives: dwa (Dynamic Window), idm (Intelligent Driver Model), sumo (native, the baseline).\n"
-                  "A vType with <param key=\"lanewise.policy\" value=\"idm\"/> overrides it, so a vTypeDistribution mixes policies")->capture_default_str();
-  app->add_option("--rules", o->rules, "who answers for signals and right of way: sumo (its checks guard the junctions)")->capture_default_str();
+  app->add_option("-a,--additional-files", o->config.additional_files,
+                  "additional files to -n, comma-separated");
+  app->add_option(
+      "--scenario", o->scenario,
+      "a network shipped with Lanewise: town, merge, roundabout, priority_crossing, breakdown, arena");
+  app->add_option(
+         "--policy", o->policy,
+         "who drives: dwa (Dynamic Window), idm (Intelligent Driver Model), sumo (native, the baseline).\n"
+         "A vType with <param key=\"lanewise.policy\" value=\"idm\"/> overrides it, so a vTypeDistribution "
+         "mixes policies")
+      ->capture_default_str();
+  app->add_option("--rules", o->rules,
+                  "who answers for signals and right of way: sumo (its checks guard the junctions)")
+      ->capture_default_str();
   app->add_option("--seed", o->config.seed, "SUMO's random seed")->capture_default_str();
-  app->add_option("-e,--end", o->end, "simulated time to stop at [s]; default: the configuration's, or until all have arrived");
+  app->add_option("-e,--end", o->end,
+                  "simulated time to stop at [s]; default: the configuration's, or until all have arrived");
   app->add_option("--step-length", o->config.step_length, "[s]")->capture_default_str();
-  app->add_option("--threads", o->config.threads, "threads for the agents; 0 = all cores. The result does not depend on it")->capture_default_str();
+  app->add_option("--threads", o->config.threads,
+                  "threads for the agents; 0 = all cores. The result does not depend on it")
+      ->capture_default_str();
   app->add_option("--config", o->params_file, "TOML file with parameters; `lanewise params` lists them");
-  app->add_option("--set", o->assignments, "one parameter, e.g. --set dwa.clearance_weight=1.5; may be repeated");
-  app->add_option("--sumo-outputs", o->output_folder, "folder for the outputs the .sumocfg asks SUMO for; default: where it says");
+  app->add_option("--set", o->assignments,
+                  "one parameter, e.g. --set dwa.clearance_weight=1.5; may be repeated");
+  app->add_option("--sumo-outputs", o->output_folder,
+                  "folder for the outputs the .sumocfg asks SUMO for; default: where it says");
   app->add_flag("-q,--quiet", o->config.quiet, "no progress line");
 }
 
 /// Text to configuration. @throws ConfigError.
 RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   RunConfig config = o->config;
-  if (!o->scenario.empty() && !o->config_file.empty()) throw ConfigError("--scenario and -c exclude each other");
-  config.config_file = o->scenario.empty() ? std::filesystem::path(o->config_file) : FindShippedScenario(o->scenario);
+  if (!o->scenario.empty() && !o->config_file.empty())
+    throw ConfigError("--scenario and -c exclude each other");
+  config.config_file =
+      o->scenario.empty() ? std::filesystem::path(o->config_file) : FindShippedScenario(o->scenario);
   config.scenario = o->scenario;
   config.net_file = o->net_file;
   config.policy = ParsePolicy(o->policy, "--policy");
-  if (o->rules != "sumo") throw ConfigError(fmt::format("--rules: unknown value '{}'; allowed: sumo", o->rules));
+  if (o->rules != "sumo")
+    throw ConfigError(fmt::format("--rules: unknown value '{}'; allowed: sumo", o->rules));
   config.end = o->end;
   if (!o->results.empty()) config.results = o->results;
   if (!o->params_file.empty()) LoadParams(o->params_file, &config.params);
   for (const std::string& assignment : o->assignments) SetParamFromText(assignment, &config.params);
   if (!o->output_folder.empty()) {
-    if (!std::filesystem::is_directory(o->output_folder)) throw ConfigError(fmt::format("--sumo-outputs: {}: no such folder", o->output_folder));
+    if (!std::filesystem::is_directory(o->output_folder))
+      throw ConfigError(fmt::format("--sumo-outputs: {}: no such folder", o->output_folder));
     config.sumo_output_folder = o->output_folder;
   }
   config.sumo_options = sumo_options;
@@ -73,14 +93,21 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
 int Report(const RunConfig& config, const RunReport& report) {
   const RunOutcome& o = report.outcome;
   const AuditCount& audit = report.audit.by_cause[static_cast<std::size_t>(AuditCause::kMidBlock)];
-  fmt::print("{}: {} inserted, {} arrived, {} still running, {} not inserted, {} teleports\n", config.scenario, o.inserted, o.arrived, o.still_running, o.not_inserted, o.teleported);
-  fmt::print("{:.0f} s simulated in {:.1f} s ({:.1f} x real time): SUMO {:.1f} s, coupling {:.1f} s, agents {:.1f} s, measures {:.1f} s\n", o.simulated_time,
-             o.wall_time, o.wall_time > 0 ? o.simulated_time / o.wall_time : 0.0, o.sumo_time, report.coupling_time, report.agent_time, report.record_time);
+  fmt::print("{}: {} inserted, {} arrived, {} still running, {} not inserted, {} teleports\n",
+             config.scenario, o.inserted, o.arrived, o.still_running, o.not_inserted, o.teleported);
+  fmt::print(
+      "{:.0f} s simulated in {:.1f} s ({:.1f} x real time): SUMO {:.1f} s, coupling {:.1f} s, agents {:.1f} "
+      "s, measures {:.1f} s\n",
+      o.simulated_time, o.wall_time, o.wall_time > 0 ? o.simulated_time / o.wall_time : 0.0, o.sumo_time,
+      report.coupling_time, report.agent_time, report.record_time);
   for (const PolicyShareRow& share : o.policy_shares) {
     fmt::print("policy {}: {} vehicles, {:.1f} % of their steps agent-driven\n", share.policy, share.vehicles,
-               share.vehicle_steps > 0 ? 100.0 * static_cast<double>(share.agent_steps) / static_cast<double>(share.vehicle_steps) : 0.0);
+               share.vehicle_steps > 0
+                   ? 100.0 * static_cast<double>(share.agent_steps) / static_cast<double>(share.vehicle_steps)
+                   : 0.0);
   }
-  fmt::print("audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end\n", audit.different, audit.steps, report.lane_end_halts);
+  fmt::print("audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end\n",
+             audit.different, audit.steps, report.lane_end_halts);
   fmt::print("state hash {:016x}\n", o.state_hash);
   if (config.results) fmt::print("run {} in {}\n", report.run_id, config.results->string());
   return o.status == RunStatus::kInterrupted ? kInterrupted : kOk;
@@ -99,20 +126,25 @@ int Demo(const RunConfig& base) {
   for (const RunSummary& summary : LoadRunSummaries(*config.results)) {
     if (std::find(ids.begin(), ids.end(), summary.run_id) != ids.end()) shown.push_back(summary);
   }
-  fmt::print("\n{}\nResults: {} (`lanewise info {}`)\n", FormatComparison(shown), config.results->string(), config.results->string());
+  fmt::print("\n{}\nResults: {} (`lanewise info {}`)\n", FormatComparison(shown), config.results->string(),
+             config.results->string());
   return kOk;
 }
 
 int PrintParams(bool markdown) {
   if (markdown) {
-    fmt::print("# Parameters\n\nSet one with `--set NAME=VALUE`, many with `--config FILE.toml`. This page is generated: `lanewise params --markdown`.\n\n"
-               "| parameter | unit | default | range | meaning | source |\n|---|---|---|---|---|---|\n");
+    fmt::print(
+        "# Parameters\n\nSet one with `--set NAME=VALUE`, many with `--config FILE.toml`. This page is "
+        "generated: `lanewise params --markdown`.\n\n"
+        "| parameter | unit | default | range | meaning | source |\n|---|---|---|---|---|---|\n");
   }
   for (const ParamDescription& p : DescribeParams(AgentParams{})) {
     if (markdown) {
-      fmt::print("| `{}` | {} | {} | {} to {} | {} | {} |\n", p.name, p.unit, p.value, p.range.min, p.range.max, p.meaning, p.source);
+      fmt::print("| `{}` | {} | {} | {} to {} | {} | {} |\n", p.name, p.unit, p.value, p.range.min,
+                 p.range.max, p.meaning, p.source);
     } else {
-      fmt::print("{:<32} {:>6} {:<6} [{} to {}]\n    {} ({})\n", p.name, p.value, p.unit, p.range.min, p.range.max, p.meaning, p.source);
+      fmt::print("{:<32} {:>6} {:<6} [{} to {}]\n    {} ({})\n", p.name, p.value, p.unit, p.range.min,
+                 p.range.max, p.meaning, p.source);
     }
   }
   return kOk;
@@ -132,49 +164,65 @@ int Main(int argc, char** argv) {
   }
   std::reverse(own.begin(), own.end());  // CLI11 takes its arguments last first.
 
-  CLI::App app{"Lanewise: puts a driving agent into every vehicle of a SUMO scenario and compares avoidance policies."};
+  CLI::App app{
+      "Lanewise: puts a driving agent into every vehicle of a SUMO scenario and compares avoidance "
+      "policies."};
   app.set_version_flag("--version", LANEWISE_VERSION);
   app.require_subcommand(1);
-  app.footer("Exit codes: 0 success, 1 a run failed or a check missed its target, 2 bad input, 130 interrupted.\n"
-             "Each command has its own --help. Start with: lanewise run --scenario town --results town.sqlite");
+  app.footer(
+      "Exit codes: 0 success, 1 a run failed or a check missed its target, 2 bad input, 130 interrupted.\n"
+      "Each command has its own --help. Start with: lanewise run --scenario town --results town.sqlite");
 
   RunOptions run_options, demo_options, bench_options;
   CLI::App* run = app.add_subcommand("run", "Drive one scenario and store the results");
   AddRunOptions(run, &run_options);
-  run->add_option("--results", run_options.results, "SQLite file that gains this run; created if it does not exist");
-  run->add_option("--sample-period", run_options.config.sample_period, "[s] between trajectory rows; 0 = every step")->capture_default_str();
-  run->footer("Examples:\n"
-              "  lanewise run --scenario town --results town.sqlite\n"
-              "  lanewise run -c my.sumocfg --policy idm --seed 7 --results my.sqlite\n"
-              "  lanewise run -n my.net.xml -r my.rou.xml --end 600 --set dwa.clearance_weight=1.5\n"
-              "  lanewise run -c my.sumocfg -- --scale 1.2 --tripinfo-output trips.xml   (behind -- : SUMO's options)\n"
-              "Ctrl-C ends the run after the present step; what was recorded is kept and marked 'interrupted'.");
-  CLI::App* demo = app.add_subcommand("demo", "Drive the default scenario with agents and natively, and compare");
+  run->add_option("--results", run_options.results,
+                  "SQLite file that gains this run; created if it does not exist");
+  run->add_option("--sample-period", run_options.config.sample_period,
+                  "[s] between trajectory rows; 0 = every step")
+      ->capture_default_str();
+  run->footer(
+      "Examples:\n"
+      "  lanewise run --scenario town --results town.sqlite\n"
+      "  lanewise run -c my.sumocfg --policy idm --seed 7 --results my.sqlite\n"
+      "  lanewise run -n my.net.xml -r my.rou.xml --end 600 --set dwa.clearance_weight=1.5\n"
+      "  lanewise run -c my.sumocfg -- --scale 1.2 --tripinfo-output trips.xml   (behind -- : SUMO's "
+      "options)\n"
+      "Ctrl-C ends the run after the present step; what was recorded is kept and marked 'interrupted'.");
+  CLI::App* demo =
+      app.add_subcommand("demo", "Drive the default scenario with agents and natively, and compare");
   AddRunOptions(demo, &demo_options);
   demo_options.results = "lanewise-demo.sqlite";
-  demo->add_option("--results", demo_options.results, "SQLite file that gains the runs")->capture_default_str();
+  demo->add_option("--results", demo_options.results, "SQLite file that gains the runs")
+      ->capture_default_str();
   CLI::App* bench = app.add_subcommand("bench", "Measure");
   bench->require_subcommand(1);
-  CLI::App* city = bench->add_subcommand("city", "A scenario under a policy against the native run: traffic, safety, audit, wall time");
+  CLI::App* city = bench->add_subcommand(
+      "city", "A scenario under a policy against the native run: traffic, safety, audit, wall time");
   AddRunOptions(city, &bench_options);
   std::vector<int> thread_counts;
   city->add_option("--results", bench_options.results, "keep both runs in this SQLite file");
-  city->add_option("--repeat-threads", thread_counts, "run again with these numbers of threads; the state hashes must be equal")->delimiter(',');
-  city->footer("Example: lanewise bench city -c bologna/acosta/run.sumocfg --threads 2 --repeat-threads 1,2,4");
+  city->add_option("--repeat-threads", thread_counts,
+                   "run again with these numbers of threads; the state hashes must be equal")
+      ->delimiter(',');
+  city->footer(
+      "Example: lanewise bench city -c bologna/acosta/run.sumocfg --threads 2 --repeat-threads 1,2,4");
   std::string results_file;
   CLI::App* info = app.add_subcommand("info", "What a results file holds: runs, policies, counts");
   info->add_option("RESULTS", results_file, "SQLite file")->required();
   bool markdown = false;
   CLI::App* params = app.add_subcommand("params", "Every parameter: meaning, unit, default, range, source");
   params->add_flag("--markdown", markdown, "as the reference page");
-  CLI::App* doctor = app.add_subcommand("doctor", "Check SUMO, libraries and versions, and drive two seconds");
+  CLI::App* doctor =
+      app.add_subcommand("doctor", "Check SUMO, libraries and versions, and drive two seconds");
 
   try {
     app.parse(own);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kOk : kBadInput;
   }
-  if (!sumo_options.empty() && !run->parsed() && !demo->parsed() && !city->parsed()) throw ConfigError("options behind -- are for runs only");
+  if (!sumo_options.empty() && !run->parsed() && !demo->parsed() && !city->parsed())
+    throw ConfigError("options behind -- are for runs only");
 
   SumoSession::EnsureHome();
   if (run->parsed()) {
@@ -182,7 +230,8 @@ int Main(int argc, char** argv) {
     return Report(config, Run(config));
   }
   if (demo->parsed()) {
-    if (demo_options.scenario.empty() && demo_options.config_file.empty() && demo_options.net_file.empty()) demo_options.scenario = "town";
+    if (demo_options.scenario.empty() && demo_options.config_file.empty() && demo_options.net_file.empty())
+      demo_options.scenario = "town";
     return Demo(Finish(&demo_options, sumo_options));
   }
   if (city->parsed()) return BenchCity(Finish(&bench_options, sumo_options), thread_counts) ? kOk : kFailed;
@@ -200,10 +249,11 @@ int Main(int argc, char** argv) {
 
 namespace {
 
-/// Idle threads of GCC's OpenMP runtime spin between the parallel parts of a step, which lasts about a millisecond
-/// of SUMO alone. On a busy machine they take the cores away from the very thread they wait for: a run on two
-/// threads then takes several times as long as on one. A short spin, then sleep, is as fast where cores are free.
-/// The runtime reads the setting when it is loaded, before main: so the program starts itself once more with it.
+/// Idle threads of GCC's OpenMP runtime spin between the parallel parts of a step, which lasts about a
+/// millisecond of SUMO alone. On a busy machine they take the cores away from the very thread they wait for:
+/// a run on two threads then takes several times as long as on one. A short spin, then sleep, is as fast
+/// where cores are free. The runtime reads the setting when it is loaded, before main: so the program starts
+/// itself once more with it.
 void StartWithShortSpin(char** argv) {
   if (std::getenv("OMP_WAIT_POLICY") != nullptr || std::getenv("GOMP_SPINCOUNT") != nullptr) return;
   std::error_code error;

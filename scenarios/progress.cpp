@@ -17,7 +17,12 @@ std::string Minutes(double seconds) {
 }  // namespace
 
 Progress::Progress(std::string label, std::optional<double> end, bool quiet)
-    : label_(std::move(label)), end_(end), quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0), started_(Clock::now()), last_shown_(started_) {}
+    : label_(std::move(label)),
+      end_(end),
+      quiet_(quiet),
+      terminal_(isatty(STDERR_FILENO) != 0),
+      started_(Clock::now()),
+      last_shown_(started_) {}
 
 Progress::~Progress() {
   if (terminal_ && shown_) fmt::print(stderr, "\n");
@@ -37,8 +42,9 @@ void Progress::Update(double time, std::int64_t running, std::int64_t arrived, s
     const double by_time = wall * (*end_ - time) / time;
     left = left < 0.0 ? by_time : std::min(left, by_time);
   }
-  fmt::print(stderr, "{}{}: t = {:.0f} s, {} vehicles, {} arrived, {:.1f} x real time, {}{}", terminal_ ? "\r\x1b[K" : "", label_, time, running,
-             arrived, time / wall, left < 0.0 ? "time left unknown" : "about " + Minutes(left) + " left", terminal_ ? "" : "\n");
+  fmt::print(stderr, "{}{}: t = {:.0f} s, {} vehicles, {} arrived, {:.1f} x real time, {}{}",
+             terminal_ ? "\r\x1b[K" : "", label_, time, running, arrived, time / wall,
+             left < 0.0 ? "time left unknown" : "about " + Minutes(left) + " left", terminal_ ? "" : "\n");
   std::fflush(stderr);
 }
 

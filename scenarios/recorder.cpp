@@ -20,21 +20,28 @@ bool IsDue(std::int64_t step, double period, double step_length) {
 }  // namespace
 
 Recorder::Recorder(const RoadNetwork& network, double step_length, double sample_period, RunWriter* writer)
-    : network_(network), step_length_(step_length), sample_period_(sample_period), writer_(writer), trips_(step_length),
+    : network_(network),
+      step_length_(step_length),
+      sample_period_(sample_period),
+      writer_(writer),
+      trips_(step_length),
       shares_(std::size(kPolicyNames)) {
   for (std::size_t i = 0; i < shares_.size(); ++i) shares_[i].policy = kPolicyNames[i];
   if (writer_ == nullptr) return;
   std::vector<LaneRow> lanes;
-  for (std::size_t i = 0; i < network.lanes.size(); ++i) lanes.push_back({static_cast<LaneIndex>(i), network.lanes[i].id});
+  for (std::size_t i = 0; i < network.lanes.size(); ++i)
+    lanes.push_back({static_cast<LaneIndex>(i), network.lanes[i].id});
   writer_->Add(lanes);
 }
 
-void Recorder::Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic, const VehicleBridge& bridge) {
+void Recorder::Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic,
+                       const VehicleBridge& bridge) {
   Depart(traffic, bridge);
   FillFrame(step, time, traffic, bridge);
   safety_.Observe(frame_);
   trips_.Observe(frame_, safety_.row_ttc());
-  for (const Departure& gone : bridge.gone()) FinishTrip(gone.number, time, gone.arrived ? TripEnd::kArrived : TripEnd::kVaporized);
+  for (const Departure& gone : bridge.gone())
+    FinishTrip(gone.number, time, gone.arrived ? TripEnd::kArrived : TripEnd::kVaporized);
   if (IsDue(step, sample_period_, step_length_)) Sample();
   if (IsDue(step, 1.0, step_length_)) {
     Summarize(wall_time, bridge);
@@ -46,8 +53,9 @@ void Recorder::Depart(const Traffic& traffic, const VehicleBridge& bridge) {
   for (const std::int32_t row : bridge.new_vehicles()) {
     const VehicleRecord& record = bridge.record(row);
     const auto policy = traffic.policy[row];
-    vehicles_.push_back({traffic.number[row], record.id, record.type, record.vehicle_class, std::string(kPolicyNames[static_cast<std::size_t>(policy)]),
-                         record.depart, record.depart_delay, traffic.params[row].length, traffic.params[row].width});
+    vehicles_.push_back({traffic.number[row], record.id, record.type, record.vehicle_class,
+                         std::string(kPolicyNames[static_cast<std::size_t>(policy)]), record.depart,
+                         record.depart_delay, traffic.params[row].length, traffic.params[row].width});
     trips_.Depart(vehicles_.back());
     ++inserted_;
     ++shares_[static_cast<std::size_t>(policy)].vehicles;
@@ -55,12 +63,15 @@ void Recorder::Depart(const Traffic& traffic, const VehicleBridge& bridge) {
   // Persons have a number and samples, but no trip and no share in the policies.
   for (const NewPerson& person : bridge.new_persons()) {
     const VehicleRecord& record = person.record;
-    vehicles_.push_back({traffic.number[person.row], record.id, record.type, record.vehicle_class, std::string(kPolicyNames[static_cast<std::size_t>(Policy::kSumo)]),
-                         record.depart, record.depart_delay, traffic.params[person.row].length, traffic.params[person.row].width});
+    vehicles_.push_back({traffic.number[person.row], record.id, record.type, record.vehicle_class,
+                         std::string(kPolicyNames[static_cast<std::size_t>(Policy::kSumo)]), record.depart,
+                         record.depart_delay, traffic.params[person.row].length,
+                         traffic.params[person.row].width});
   }
 }
 
-void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic, const VehicleBridge& bridge) {
+void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic,
+                         const VehicleBridge& bridge) {
   const Motion& now = traffic.now;
   frame_.step = step;
   frame_.time = time;
@@ -80,12 +91,14 @@ void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic,
     frame_.pedestrian[i] = !vehicle;
     frame_.agent_driven[i] = driven;
     frame_.lane[i] = now.lane[i];
-    const double slip = driven ? SlipAngle(now.steering_angle[i], params.wheelbase, params.rear_axle_to_front) : 0.0;
+    const double slip =
+        driven ? SlipAngle(now.steering_angle[i], params.wheelbase, params.rear_axle_to_front) : 0.0;
     frame_.vx[i] = now.speed[i] * std::cos(now.heading[i] + slip);
     frame_.vy[i] = now.speed[i] * std::sin(now.heading[i] + slip);
     if (!vehicle) continue;
     // Yaw: the bicycle's own for agents; along the lane for SUMO's point on a lane, whose drawn angle jumps.
-    frame_.yaw_rate[i] = driven ? now.speed[i] / params.rear_axle_to_front * std::sin(slip) : now.speed[i] * now.curvature[i];
+    frame_.yaw_rate[i] =
+        driven ? now.speed[i] / params.rear_axle_to_front * std::sin(slip) : now.speed[i] * now.curvature[i];
     frame_.lateral_accel[i] = frame_.yaw_rate[i] * now.speed[i];
     frame_.lane_pos[i] = now.s[i];
     frame_.lateral_offset[i] = now.d[i];
@@ -114,8 +127,9 @@ void Recorder::FinishTrip(std::int32_t number, double time, TripEnd end) {
 
 void Recorder::Sample() {
   for (std::size_t i = 0; i < frame_.size(); ++i) {
-    samples_.push_back({frame_.time, frame_.vehicle_number[i], frame_.lane[i], frame_.x[i], frame_.y[i], frame_.heading[i],
-                        frame_.speed[i], frame_.accel[i], frame_.lane_pos[i], frame_.lateral_offset[i]});
+    samples_.push_back({frame_.time, frame_.vehicle_number[i], frame_.lane[i], frame_.x[i], frame_.y[i],
+                        frame_.heading[i], frame_.speed[i], frame_.accel[i], frame_.lane_pos[i],
+                        frame_.lateral_offset[i]});
   }
 }
 
@@ -156,7 +170,8 @@ void Recorder::Flush() {
 }
 
 void Recorder::Finish(double time) {
-  for (const std::int32_t number : trips_.UnderWay()) finished_trips_.push_back(trips_.Finish(number, time, TripEnd::kRunning));
+  for (const std::int32_t number : trips_.UnderWay())
+    finished_trips_.push_back(trips_.Finish(number, time, TripEnd::kRunning));
   safety_.Finish();
   Flush();
 }

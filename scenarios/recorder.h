@@ -20,7 +20,8 @@ class Recorder {
  public:
   Recorder(const RoadNetwork& network, double step_length, double sample_period, RunWriter* writer);
 
-  void Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic, const VehicleBridge& bridge);
+  void Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic,
+               const VehicleBridge& bridge);
   /// Closes all that is open at the end of the run.
   void Finish(double time);
 

@@ -3,10 +3,10 @@
 #include <omp.h>
 #include <sys/utsname.h>
 
+#include <fmt/ranges.h>
 #include <chrono>
 #include <csignal>
 #include <memory>
-#include <fmt/ranges.h>
 
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -26,7 +26,9 @@ namespace lanewise {
 namespace {
 
 volatile std::sig_atomic_t g_interrupted = 0;
-void OnSignal(int) { g_interrupted = 1; }
+void OnSignal(int) {
+  g_interrupted = 1;
+}
 
 /// Turns SIGINT and SIGTERM into a flag while it lives; a second one ends the process as usual.
 class InterruptGuard {
@@ -86,16 +88,19 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.compiler = LANEWISE_COMPILER;
   utsname name{};
   uname(&name);
-  info.machine = fmt::format("{} {} {} cores, {}", name.sysname, name.machine, std::thread::hardware_concurrency(), name.nodename);
+  info.machine = fmt::format("{} {} {} cores, {}", name.sysname, name.machine,
+                             std::thread::hardware_concurrency(), name.nodename);
   return info;
 }
 
-std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_end_halts, std::int64_t rescues, std::int64_t emergency_stops) {
+std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_end_halts, std::int64_t rescues,
+                                std::int64_t emergency_stops) {
   std::vector<AuditRow> rows;
   for (std::size_t i = 0; i < kAuditCauses; ++i) {
     const AuditCount& count = audit.by_cause[i];
     rows.push_back({std::string(kAuditCauseNames[i]) + "_steps", count.steps, std::nullopt, std::nullopt});
-    rows.push_back({std::string(kAuditCauseNames[i]), count.different, count.max_position_error, count.max_speed_error});
+    rows.push_back(
+        {std::string(kAuditCauseNames[i]), count.different, count.max_position_error, count.max_speed_error});
   }
   rows.push_back({"lane_end_halts", lane_end_halts, std::nullopt, std::nullopt});
   rows.push_back({"lane_change_rescues", rescues, std::nullopt, std::nullopt});
@@ -107,7 +112,8 @@ std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_en
 
 RunReport Run(const RunConfig& config) {
   RunConfig effective = config;
-  if (effective.threads == 0) effective.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  if (effective.threads == 0)
+    effective.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   omp_set_num_threads(effective.threads);
 
   // A file that cannot take the run is refused before SUMO starts; one that can is created, or added to, only
@@ -123,7 +129,8 @@ RunReport Run(const RunConfig& config) {
   std::unique_ptr<RunWriter> writer;
   if (effective.results) {
     const RunInfo info = Describe(effective, sumo_options);
-    writer = std::make_unique<RunWriter>(ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend), info);
+    writer =
+        std::make_unique<RunWriter>(ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend), info);
   }
 
   Traffic traffic;
@@ -131,7 +138,9 @@ RunReport Run(const RunConfig& config) {
   AgentPipeline pipeline(network, curves, effective.params);
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules);
   Recorder recorder(network, effective.step_length, effective.sample_period, writer.get());
-  Progress progress(fmt::format("{} [{}]", effective.scenario, kPolicyNames[static_cast<std::size_t>(effective.policy)]), effective.end, effective.quiet);
+  Progress progress(
+      fmt::format("{} [{}]", effective.scenario, kPolicyNames[static_cast<std::size_t>(effective.policy)]),
+      effective.end, effective.quiet);
   StateHash hash;
   RunReport report;
   RunOutcome& outcome = report.outcome;
@@ -144,7 +153,8 @@ RunReport Run(const RunConfig& config) {
       Timed(&outcome.sumo_time, [&] { session.Step(); });
       Timed(&report.coupling_time, [&] { bridge.Read(session.time(), dt, &traffic); });
       Timed(&report.agent_time, [&] { pipeline.UpdatePoses(&traffic); });
-      Timed(&report.record_time, [&] { recorder.Observe(outcome.steps, session.time(), outcome.wall_time, traffic, bridge); });
+      Timed(&report.record_time,
+            [&] { recorder.Observe(outcome.steps, session.time(), outcome.wall_time, traffic, bridge); });
       bridge.HashState(traffic, &hash);
       Timed(&report.agent_time, [&] { pipeline.Step(dt, bridge.guarded(), &traffic, &commands); });
       Timed(&report.coupling_time, [&] { bridge.Write(dt, &traffic, commands); });
@@ -154,7 +164,10 @@ RunReport Run(const RunConfig& config) {
       if (g_interrupted) break;
     }
   } catch (const std::exception& error) {
-    if (writer) writer->EndAs(RunStatus::kFailed, fmt::format("at {:.1f} s: {}", begin + static_cast<double>(outcome.steps) * dt, error.what()));
+    if (writer)
+      writer->EndAs(
+          RunStatus::kFailed,
+          fmt::format("at {:.1f} s: {}", begin + static_cast<double>(outcome.steps) * dt, error.what()));
     throw;
   }
   const double end = session.time();

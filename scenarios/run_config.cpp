@@ -2,23 +2,28 @@
 
 #include <fmt/ranges.h>
 
+#include <toml++/toml.h>
 #include <algorithm>
 #include <charconv>
 #include <cstdlib>
 #include <pugixml.hpp>
 #include <set>
-#include <toml++/toml.h>
 
 namespace lanewise {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// SUMO's options under their long names, by the section that holds them in a .sumocfg, may also be written short.
+/// SUMO's options under their long names, by the section that holds them in a .sumocfg, may also be written
+/// short.
 const char* LongName(const std::string& name) {
-  static const std::pair<const char*, const char*> kShort[] = {
-      {"n", "net-file"}, {"net", "net-file"}, {"r", "route-files"}, {"a", "additional-files"}, {"additional", "additional-files"},
-      {"b", "begin"}, {"e", "end"}};
+  static const std::pair<const char*, const char*> kShort[] = {{"n", "net-file"},
+                                                               {"net", "net-file"},
+                                                               {"r", "route-files"},
+                                                               {"a", "additional-files"},
+                                                               {"additional", "additional-files"},
+                                                               {"b", "begin"},
+                                                               {"e", "end"}};
   for (const auto& [brief, full] : kShort) {
     if (name == brief) return full;
   }
@@ -63,8 +68,8 @@ std::vector<fs::path> SplitFiles(const std::string& list, const fs::path& base) 
 
 bool WritesFile(const std::string& option, const std::string& section) {
   const auto ends_with = [&](const char* tail) { return option.ends_with(tail); };
-  return ends_with("-output") || ends_with(".output") || option == "log" || option == "message-log" || option == "error-log" ||
-         (section == "output" && option == "save-state.prefix");
+  return ends_with("-output") || ends_with(".output") || option == "log" || option == "message-log" ||
+         option == "error-log" || (section == "output" && option == "save-state.prefix");
 }
 
 bool Has(const std::vector<std::string>& options, const std::string& name) {
@@ -75,7 +80,8 @@ bool Has(const std::vector<std::string>& options, const std::string& name) {
 std::vector<std::string> OptionNames(const std::vector<std::string>& arguments) {
   std::vector<std::string> names;
   for (const std::string& argument : arguments) {
-    if (!argument.starts_with("-") || argument.size() < 2 || (argument[1] >= '0' && argument[1] <= '9')) continue;
+    if (!argument.starts_with("-") || argument.size() < 2 || (argument[1] >= '0' && argument[1] <= '9'))
+      continue;
     const std::size_t start = argument.find_first_not_of('-');
     if (start == std::string::npos) continue;
     names.emplace_back(LongName(argument.substr(start, argument.find('=') - start)));
@@ -86,7 +92,8 @@ std::vector<std::string> OptionNames(const std::vector<std::string>& arguments) 
 fs::path NetworksFolder() {
   if (const char* folder = std::getenv("LANEWISE_NETWORKS")) return folder;
   std::error_code error;  // Installed: beside the program.
-  const fs::path installed = fs::read_symlink("/proc/self/exe", error).parent_path() / "../share/lanewise/networks";
+  const fs::path installed =
+      fs::read_symlink("/proc/self/exe", error).parent_path() / "../share/lanewise/networks";
   if (!error && fs::is_directory(installed, error)) return installed.lexically_normal();
   return LANEWISE_NETWORKS_FOLDER;
 }
@@ -95,16 +102,19 @@ fs::path NetworksFolder() {
 
 SumoConfigFile ReadSumoConfig(const fs::path& file) {
   if (!fs::exists(file)) throw ConfigError(fmt::format("{}: no such file", file.string()));
-  if (fs::is_directory(file)) throw ConfigError(fmt::format("{}: is a folder; a .sumocfg file is wanted", file.string()));
+  if (fs::is_directory(file))
+    throw ConfigError(fmt::format("{}: is a folder; a .sumocfg file is wanted", file.string()));
   pugi::xml_document document;
   const pugi::xml_parse_result result = document.load_file(file.c_str());
   if (!result) {
-    throw ConfigError(fmt::format("{}: broken XML at byte {}: {}", file.string(), result.offset, result.description()));
+    throw ConfigError(
+        fmt::format("{}: broken XML at byte {}: {}", file.string(), result.offset, result.description()));
   }
   const pugi::xml_node root = document.document_element();
   const std::string name = root.name();
   if (name != "configuration" && name != "sumoConfiguration") {
-    throw ConfigError(fmt::format("{}: root element is <{}>; a SUMO configuration has <configuration>", file.string(), name));
+    throw ConfigError(fmt::format("{}: root element is <{}>; a SUMO configuration has <configuration>",
+                                  file.string(), name));
   }
   SumoConfigFile config;
   const fs::path base = file.parent_path();
@@ -112,14 +122,16 @@ SumoConfigFile ReadSumoConfig(const fs::path& file) {
     const std::string option = LongName(node.name());
     const std::string value = node.attribute("value").as_string(node.attribute("v").as_string());
     config.options.push_back(option);
-    if (option == "net-file") config.net_file = SplitFiles(value, base).empty() ? fs::path() : SplitFiles(value, base).front();
+    if (option == "net-file")
+      config.net_file = SplitFiles(value, base).empty() ? fs::path() : SplitFiles(value, base).front();
     if (option == "net-file" || option == "route-files" || option == "additional-files") {
       const auto files = SplitFiles(value, base);
       config.inputs.insert(config.inputs.end(), files.begin(), files.end());
     }
     if (option == "end") config.end = ParseTime(value, file.string() + ", option end");
     if (option == "begin") config.begin = ParseTime(value, file.string() + ", option begin");
-    if (WritesFile(option, section) && !value.empty()) config.outputs.emplace_back(option, fs::path(value).filename());
+    if (WritesFile(option, section) && !value.empty())
+      config.outputs.emplace_back(option, fs::path(value).filename());
   };
   for (const pugi::xml_node section : root.children()) {
     if (section.type() != pugi::node_element) continue;
@@ -136,7 +148,8 @@ std::vector<std::string> ShippedScenarios() {
   std::set<std::string> names;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(NetworksFolder(), error)) {
-    if (fs::exists(entry.path() / (entry.path().filename().string() + ".sumocfg"))) names.insert(entry.path().filename());
+    if (fs::exists(entry.path() / (entry.path().filename().string() + ".sumocfg")))
+      names.insert(entry.path().filename());
   }
   return {names.begin(), names.end()};
 }
@@ -156,7 +169,8 @@ void Resolve(RunConfig* config) {
     const SumoConfigFile file = ReadSumoConfig(config->config_file);
     config->net_file = file.net_file;
     if (config->net_file.empty()) {
-      throw ConfigError(fmt::format("{}: option net-file is missing; Lanewise reads the network itself", config->config_file.string()));
+      throw ConfigError(fmt::format("{}: option net-file is missing; Lanewise reads the network itself",
+                                    config->config_file.string()));
     }
     if (!config->end) config->end = file.end;
     if (config->scenario.empty()) {
@@ -165,7 +179,9 @@ void Resolve(RunConfig* config) {
       config->scenario = stem == parent ? stem.string() : (parent / stem).string();
     }
     for (const fs::path& input : file.inputs) {
-      if (!fs::exists(input)) throw ConfigError(fmt::format("{}: names {}, which does not exist", config->config_file.string(), input.string()));
+      if (!fs::exists(input))
+        throw ConfigError(
+            fmt::format("{}: names {}, which does not exist", config->config_file.string(), input.string()));
     }
   } else {
     if (config->route_files.empty()) throw ConfigError("-n/--net-file needs -r/--route-files");
@@ -224,8 +240,9 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   // What the comparison needs, unless the user says otherwise (jams must not teleport; SUMO's own collision
   // handling must not remove vehicles).
   const std::pair<const char*, const char*> defaults[] = {
-      {"time-to-teleport", "-1"}, {"collision.action", "warn"}, {"collision.mingap-factor", "0"},
-      {"collision.check-junctions", "true"}, {"no-step-log", "true"}, {"no-warnings", "true"}};
+      {"time-to-teleport", "-1"},       {"collision.action", "warn"},
+      {"collision.mingap-factor", "0"}, {"collision.check-junctions", "true"},
+      {"no-step-log", "true"},          {"no-warnings", "true"}};
   for (const auto& [option, value] : defaults) {
     if (!Has(given, option)) add(option, value);
   }
@@ -238,7 +255,8 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
 
 namespace {
 
-void LoadTable(const toml::table& table, const std::string& prefix, const std::string& file, AgentParams* params) {
+void LoadTable(const toml::table& table, const std::string& prefix, const std::string& file,
+               AgentParams* params) {
   for (const auto& [key, node] : table) {
     const std::string name = prefix.empty() ? std::string(key.str()) : prefix + "." + std::string(key.str());
     const std::string origin = fmt::format("{}, line {}", file, node.source().begin.line);
@@ -259,14 +277,16 @@ void LoadParams(const fs::path& file, AgentParams* params) {
   try {
     LoadTable(toml::parse_file(file.string()), "", file.string(), params);
   } catch (const toml::parse_error& error) {
-    throw ConfigError(fmt::format("{}, line {}: broken TOML: {}", file.string(), error.source().begin.line, error.description()));
+    throw ConfigError(fmt::format("{}, line {}: broken TOML: {}", file.string(), error.source().begin.line,
+                                  error.description()));
   }
 }
 
 void SetParamFromText(const std::string& assignment, AgentParams* params) {
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos) {
-    throw ConfigError(fmt::format("--set: '{}' is no assignment; allowed: name=value, e.g. dwa.clearance_weight=1.5", assignment));
+    throw ConfigError(fmt::format(
+        "--set: '{}' is no assignment; allowed: name=value, e.g. dwa.clearance_weight=1.5", assignment));
   }
   const std::string text = assignment.substr(equals + 1);
   double value = 0.0;

@@ -13,10 +13,10 @@ namespace lanewise {
 
 /// One run, as the command line asks for it.
 struct RunConfig {
-  std::filesystem::path config_file;             ///< .sumocfg; empty if net and routes are given.
-  std::filesystem::path net_file;                ///< From -n; else read from the .sumocfg.
-  std::string route_files, additional_files;     ///< Comma-separated, as SUMO takes them.
-  std::string scenario;                          ///< Name in the results.
+  std::filesystem::path config_file;          ///< .sumocfg; empty if net and routes are given.
+  std::filesystem::path net_file;             ///< From -n; else read from the .sumocfg.
+  std::string route_files, additional_files;  ///< Comma-separated, as SUMO takes them.
+  std::string scenario;                       ///< Name in the results.
   Policy policy{Policy::kDwa};
   Rules rules{Rules::kSumo};
   std::int64_t seed{23423};                      ///< SUMO's default seed.
@@ -25,20 +25,20 @@ struct RunConfig {
   int threads{0};                                ///< 0 = all cores.
   std::optional<std::filesystem::path> results;  ///< SQLite file; nothing: no results are stored.
   double sample_period{1.0};                     ///< [s] of trajectory rows; 0 = every step.
-  std::filesystem::path sumo_output_folder;      ///< SUMO's own outputs go there; empty: where the .sumocfg says.
+  std::filesystem::path sumo_output_folder;  ///< SUMO's own outputs go there; empty: where the .sumocfg says.
   AgentParams params;
   bool quiet{false};
-  std::vector<std::string> sumo_options;         ///< Passed to SUMO unchanged, last, so they win.
+  std::vector<std::string> sumo_options;  ///< Passed to SUMO unchanged, last, so they win.
 };
 
 /// What a .sumocfg says that Lanewise has to know.
 struct SumoConfigFile {
   std::filesystem::path net_file;
-  std::optional<double> end;                     ///< [s]
-  double begin{0.0};                             ///< [s]
-  std::vector<std::string> options;              ///< Names of every option it sets.
+  std::optional<double> end;                                           ///< [s]
+  double begin{0.0};                                                   ///< [s]
+  std::vector<std::string> options;                                    ///< Names of every option it sets.
   std::vector<std::pair<std::string, std::filesystem::path>> outputs;  ///< Options that write files.
-  std::vector<std::filesystem::path> inputs;     ///< Net, routes, additional files.
+  std::vector<std::filesystem::path> inputs;                           ///< Net, routes, additional files.
 };
 
 /// @throws ConfigError: missing, broken, or no SUMO configuration.

@@ -18,7 +18,7 @@ struct PidState {
   double integral{0.0};    ///< sum(e) dt.
   double derivative{0.0};  ///< Filtered de/dt.
   double last_error{0.0};
-  bool started{false};     ///< The first error has no derivative.
+  bool started{false};  ///< The first error has no derivative.
 };
 
 /// One control period. Anti-windup by conditional integration: the integral stands still while the

@@ -21,9 +21,15 @@ Box MakeBox(const Footprint& f) {
   return {{f.front.x - half_length * u.x, f.front.y - half_length * u.y}, u, half_length, 0.5 * f.width};
 }
 
-Point2 Left(Point2 u) { return {-u.y, u.x}; }
-double Dot(Point2 a, Point2 b) { return a.x * b.x + a.y * b.y; }
-double Cross(Point2 a, Point2 b) { return a.x * b.y - a.y * b.x; }
+Point2 Left(Point2 u) {
+  return {-u.y, u.x};
+}
+double Dot(Point2 a, Point2 b) {
+  return a.x * b.x + a.y * b.y;
+}
+double Cross(Point2 a, Point2 b) {
+  return a.x * b.y - a.y * b.x;
+}
 
 /// The four candidate separating axes of two rectangles with the sum of both half extents along each.
 struct Axes {

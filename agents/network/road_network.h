@@ -21,26 +21,26 @@ VehicleClassMask VehicleClassBit(std::string_view name);
 /// A drivable link from one lane to another (element `connection` of the net file).
 struct Connection {
   LaneIndex from{kNone};
-  LaneIndex to{kNone};     ///< Target lane behind the junction (or behind this part of it).
-  LaneIndex via{kNone};    ///< Internal lane that carries it; kNone if the junction has none.
-  char direction{'s'};     ///< SUMO's `dir`: s straight, l/r turn, L/R partial, t turnaround.
-  char state{'M'};         ///< SUMO's `state`: M major, m minor, = equal, s stop, o off, ...
+  LaneIndex to{kNone};             ///< Target lane behind the junction (or behind this part of it).
+  LaneIndex via{kNone};            ///< Internal lane that carries it; kNone if the junction has none.
+  char direction{'s'};             ///< SUMO's `dir`: s straight, l/r turn, L/R partial, t turnaround.
+  char state{'M'};                 ///< SUMO's `state`: M major, m minor, = equal, s stop, o off, ...
   std::int32_t signal{kNone};      ///< Index in RoadNetwork::signal_ids; kNone if unsignalised.
   std::int32_t link_index{kNone};  ///< Character in the signal's state string.
   std::int32_t junction{kNone};    ///< Index in RoadNetwork::junctions.
-  std::int32_t request{kNone};     ///< Row of the junction's right-of-way matrix (links of normal lanes only).
+  std::int32_t request{kNone};  ///< Row of the junction's right-of-way matrix (links of normal lanes only).
 };
 
 struct Lane {
   std::string id;
   EdgeIndex edge{kNone};
-  std::int32_t index{0};        ///< 0 = rightmost.
-  bool internal{false};         ///< Inside a junction.
-  double speed_limit{13.89};    ///< [m/s]
-  double length{0.0};           ///< [m] SUMO's length: positions on the lane run from 0 to this.
-  double width{3.2};            ///< [m]
+  std::int32_t index{0};      ///< 0 = rightmost.
+  bool internal{false};       ///< Inside a junction.
+  double speed_limit{13.89};  ///< [m/s]
+  double length{0.0};         ///< [m] SUMO's length: positions on the lane run from 0 to this.
+  double width{3.2};          ///< [m]
   VehicleClassMask allowed{kAllVehicleClasses};
-  std::vector<Point2> shape;    ///< [m] center line; may be shorter or longer than length, may be empty.
+  std::vector<Point2> shape;  ///< [m] center line; may be shorter or longer than length, may be empty.
   std::vector<std::int32_t> outgoing;  ///< Indices in RoadNetwork::connections, in file order.
   std::vector<std::int32_t> incoming;  ///< Likewise; for internal lanes too.
 };
@@ -65,10 +65,10 @@ struct RightOfWay {
 
 struct Junction {
   std::string id;
-  std::string type;                    ///< SUMO's type: priority, traffic_light, dead_end, ...
-  std::vector<LaneIndex> incoming;     ///< incLanes.
-  std::vector<LaneIndex> internal;     ///< intLanes.
-  std::vector<RightOfWay> requests;    ///< By link index.
+  std::string type;                  ///< SUMO's type: priority, traffic_light, dead_end, ...
+  std::vector<LaneIndex> incoming;   ///< incLanes.
+  std::vector<LaneIndex> internal;   ///< intLanes.
+  std::vector<RightOfWay> requests;  ///< By link index.
 };
 
 /// The road network of a SUMO net file, as plain tables. Immutable after loading.

@@ -10,11 +10,13 @@ namespace lanewise {
 
 /// What a route asks of one lane of one of its edges.
 struct LaneAdvice {
-  std::int32_t changes{0};            ///< Lane changes to the best lane of this edge: > 0 to the left, < 0 to the right.
-  double free_distance{0.0};          ///< [m] from the start of this edge that can be driven along the route without a lane change, starting on this lane.
-  LaneIndex next{kNone};              ///< Lane of the next route edge this lane leads to; kNone if none.
-  std::int32_t connection{kNone};     ///< The connection there, index in RoadNetwork::connections.
-  bool allowed{false};                ///< The vehicle class may use the lane.
+  std::int32_t changes{
+      0};  ///< Lane changes to the best lane of this edge: > 0 to the left, < 0 to the right.
+  double free_distance{0.0};  ///< [m] from the start of this edge that can be driven along the route without
+                              ///< a lane change, starting on this lane.
+  LaneIndex next{kNone};      ///< Lane of the next route edge this lane leads to; kNone if none.
+  std::int32_t connection{kNone};  ///< The connection there, index in RoadNetwork::connections.
+  bool allowed{false};             ///< The vehicle class may use the lane.
 };
 
 /// Lane planning along one route for one vehicle class: backward over its edges, which lanes lead on,
@@ -26,7 +28,9 @@ class RoutePlan {
 
   std::span<const EdgeIndex> route() const { return route_; }
   /// Advice for lane number `lane` (0 = rightmost) of route edge `position`.
-  const LaneAdvice& At(std::size_t position, std::int32_t lane) const { return advice_[offset_[position] + static_cast<std::size_t>(lane)]; }
+  const LaneAdvice& At(std::size_t position, std::int32_t lane) const {
+    return advice_[offset_[position] + static_cast<std::size_t>(lane)];
+  }
   /// [m] of route from the start of edge `position` to the route's end.
   double RemainingLength(std::size_t position) const { return remaining_[position]; }
 

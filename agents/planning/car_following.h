@@ -4,8 +4,9 @@
 
 namespace lanewise {
 
-/// Highest speed [m/s] from which a vehicle can still stop behind its leader if the leader brakes as hard as it can:
-/// v such that v * reaction + v^2 / (2 b) <= gap + v_l^2 / (2 b)  (Krauss 1998; the safe speed of SUMO's default model).
+/// Highest speed [m/s] from which a vehicle can still stop behind its leader if the leader brakes as hard as
+/// it can: v such that v * reaction + v^2 / (2 b) <= gap + v_l^2 / (2 b)  (Krauss 1998; the safe speed of
+/// SUMO's default model).
 /// @param gap bumper to bumper [m], already less the standstill gap; <= 0 gives the speed for no gap.
 inline double SafeSpeed(double gap, double leader_speed, double decel, double reaction) {
   const double bt = decel * reaction;

@@ -11,7 +11,9 @@ namespace {
 /// [s] between the points at which a rollout is checked against what moves beside the ego.
 constexpr float kCheckPeriod = 0.2f;
 /// Courses are simulated in groups that fill vector registers.
-int RoundUp(int count) { return (count + 15) / 16 * 16; }
+int RoundUp(int count) {
+  return (count + 15) / 16 * 16;
+}
 
 /// Speed profiles of a plan: constant accelerations, the first one the reference.
 struct SpeedProfiles {
@@ -41,8 +43,8 @@ float Margin(const DwaParams& params, const PlanContext& c) {
 }
 
 /// Smallest and largest value of each course from each node to the last.
-void RangeFromNodeOn(const float (&value)[kPathNodes][kMaxCourses], int padded, float (&min)[kPathNodes][kMaxCourses],
-                     float (&max)[kPathNodes][kMaxCourses]) {
+void RangeFromNodeOn(const float (&value)[kPathNodes][kMaxCourses], int padded,
+                     float (&min)[kPathNodes][kMaxCourses], float (&max)[kPathNodes][kMaxCourses]) {
   std::copy_n(value[kPathNodes - 1], padded, min[kPathNodes - 1]);
   std::copy_n(value[kPathNodes - 1], padded, max[kPathNodes - 1]);
   for (int n = kPathNodes - 2; n >= 0; --n) {
@@ -55,8 +57,8 @@ void RangeFromNodeOn(const float (&value)[kPathNodes][kMaxCourses], int padded, 
   }
 }
 
-/// [m] how far left of the tangent at path node n the path lies a body length behind it. A bend's body is a chord: without
-/// this a rear bumper on the path would seem to be beside it.
+/// [m] how far left of the tangent at path node n the path lies a body length behind it. A bend's body is a
+/// chord: without this a rear bumper on the path would seem to be beside it.
 float BendBehind(const RoadView& view, int n, float length) {
   const int front = kNodesBehind + n;
   const float s = view.s[front] - length;
@@ -77,7 +79,8 @@ float Travel(float speed, float accel, float time) {
 /// Lowers scratch->blocked_clearance[i][j] to the lateral gap of rollout (i, j) to road users beside the ego,
 /// which move on at constant velocity. What is ahead limits the speed instead; what is behind keeps
 /// its own distance. Who is too near already must not come nearer: a rollout that keeps the gap is free.
-void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedProfiles& profiles, PlanScratch* scratch) {
+void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedProfiles& profiles,
+                 PlanScratch* scratch) {
   const RoadView& view = scratch->view;
   const CourseSet& courses = scratch->courses;
   const int padded = RoundUp(courses.count);
@@ -87,15 +90,18 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   const float half_width = static_cast<float>(0.5 * c.vehicle->width);
   float leftmost = -1e3f, rightmost = 1e3f;
   for (int j = 0; j < courses.count; ++j) {
-    leftmost = std::max({leftmost, courses.front_max[0][j] + half_width, courses.rear_max[0][j] + half_width});
-    rightmost = std::min({rightmost, courses.front_min[0][j] - half_width, courses.rear_min[0][j] - half_width});
+    leftmost =
+        std::max({leftmost, courses.front_max[0][j] + half_width, courses.rear_max[0][j] + half_width});
+    rightmost =
+        std::min({rightmost, courses.front_min[0][j] - half_width, courses.rear_min[0][j] - half_width});
   }
   const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
     if (o.soft || o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
     const float drift = std::abs(o.speed_d) * static_cast<float>(params.dwa.horizon);
-    if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort) continue;
+    if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort)
+      continue;
     const float left_now = std::max(courses.front[0][0], courses.rear[0][0]) + half_width;
     const float right_now = std::min(courses.front[0][0], courses.rear[0][0]) - half_width;
     const float gap_now = std::max(right_now - (o.d + o.half_width), o.d - o.half_width - left_now);
@@ -133,16 +139,18 @@ DynamicWindow ReachableSpeeds(double speed, double max_decel, double max_accel, 
 }
 
 DynamicWindow ReachableSteering(double steering_angle, double max_rate, double max_angle, double period) {
-  return {std::max(-max_angle, steering_angle - max_rate * period), std::min(max_angle, steering_angle + max_rate * period)};
+  return {std::max(-max_angle, steering_angle - max_rate * period),
+          std::min(max_angle, steering_angle + max_rate * period)};
 }
 
-void RollOutCourses(const DrivingParams& driving, const RoadView& view, const PlanContext& c, int count, CourseSet* courses) {
+void RollOutCourses(const DrivingParams& driving, const RoadView& view, const PlanContext& c, int count,
+                    CourseSet* courses) {
   courses->count = count;
   const int padded = RoundUp(count);
   for (int j = 0; j < padded; ++j) {
     const double share = count < 2 ? 0.0 : std::min(1.0, static_cast<double>(j - 1) / (count - 2));
-    courses->target[j] = static_cast<float>(
-        j == 0 ? c.target_d : c.corridor_min + share * (c.corridor_max - c.corridor_min));
+    courses->target[j] =
+        static_cast<float>(j == 0 ? c.target_d : c.corridor_min + share * (c.corridor_max - c.corridor_min));
   }
   const VehicleParams& vehicle = *c.vehicle;
   const float l_r = static_cast<float>(vehicle.rear_axle_to_front);
@@ -151,10 +159,12 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const double law = 1.0 / std::max(driving.tracking_distance, c.speed * driving.tracking_time);
   const float gain = static_cast<float>((1.0 - std::exp(-law * view.spacing)) / view.spacing);
   const float max_course = static_cast<float>(driving.max_course_angle);
-  const float max_slip = static_cast<float>(std::atan(vehicle.rear_axle_to_front / vehicle.wheelbase * std::tan(vehicle.max_steering_angle)));
+  const float max_slip = static_cast<float>(
+      std::atan(vehicle.rear_axle_to_front / vehicle.wheelbase * std::tan(vehicle.max_steering_angle)));
   const float spacing = view.spacing;
   // Steering turns at a rate in time; over one node it can turn by rate * spacing / speed.
-  const float max_turn = static_cast<float>(vehicle.max_steering_rate) * spacing / std::max(1.0f, static_cast<float>(c.speed));
+  const float max_turn =
+      static_cast<float>(vehicle.max_steering_rate) * spacing / std::max(1.0f, static_cast<float>(c.speed));
 
   alignas(64) float d[kMaxCourses], heading[kMaxCourses], slip[kMaxCourses];
   std::fill_n(d, padded, static_cast<float>(c.d));
@@ -182,7 +192,7 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
       const float mean = beta - 0.5f * change * (change < 0.0f ? -change : change) / max_turn;
       slip[j] = beta;
       const float angle = heading[j] + mean;
-      d[j] += spacing * (angle + angle * angle * angle * (1.0f / 3.0f));        // tan
+      d[j] += spacing * (angle + angle * angle * angle * (1.0f / 3.0f));                        // tan
       heading[j] += spacing * ((mean - mean * mean * mean * (1.0f / 6.0f)) / l_r - curvature);  // sin
     }
   }
@@ -191,7 +201,8 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   RangeFromNodeOn(courses->rear, padded, courses->rear_min, courses->rear_max);
 }
 
-void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& c, CourseSet* courses) {
+void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& c,
+                       CourseSet* courses) {
   const int padded = RoundUp(courses->count);
   const VehicleParams& vehicle = *c.vehicle;
   const double comfort_decel = std::min(params.driving.comfort_decel, vehicle.max_decel);
@@ -201,7 +212,8 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     return std::pair{std::min(safe, SafeSpeed(room, leader_speed, comfort_decel, vehicle.time_gap)), safe};
   };
   const auto [lane_comfort, lane_safe] = limits(c.leader_gap, c.leader_speed);
-  std::fill_n(courses->comfort_speed.begin(), padded, static_cast<float>(std::min(c.free_speed, lane_comfort)));
+  std::fill_n(courses->comfort_speed.begin(), padded,
+              static_cast<float>(std::min(c.free_speed, lane_comfort)));
   std::fill_n(courses->safe_speed.begin(), padded, static_cast<float>(lane_safe));
   std::fill_n(courses->clearance.begin(), padded, 1e3f);
   courses->leader_gap = static_cast<float>(c.leader_gap);
@@ -216,7 +228,8 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     if (gap <= 0.0f) continue;
     const auto [comfort, safe] = limits(gap, std::max(0.0f, o.speed_s));
     // What moves across sweeps a band until the ego is there.
-    const float drift = o.speed_d * std::min(static_cast<float>(params.dwa.horizon), gap / std::max(1.0f, static_cast<float>(c.speed)));
+    const float drift = o.speed_d * std::min(static_cast<float>(params.dwa.horizon),
+                                             gap / std::max(1.0f, static_cast<float>(c.speed)));
     const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift) - half_width;
     const float obstacle_left = o.d + o.half_width + std::max(0.0f, drift) + half_width;
     // The front passes the obstacle from this node on, the rear a body length later.
@@ -233,7 +246,8 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
       return gap_right > gap_left ? gap_right : gap_left;
     };
     if (o.soft) {  // Costs nearness, never the way.
-      for (int j = 0; j < padded; ++j) courses->clearance[j] = std::max(margin, std::min(courses->clearance[j], lateral_gap_of(j)));
+      for (int j = 0; j < padded; ++j)
+        courses->clearance[j] = std::max(margin, std::min(courses->clearance[j], lateral_gap_of(j)));
       continue;
     }
     const float comfort_speed = static_cast<float>(comfort), safe_speed = static_cast<float>(safe);
@@ -241,7 +255,8 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     for (int j = 0; j < padded; ++j) {
       const float lateral_gap = lateral_gap_of(j);
       const bool in_course = lateral_gap < margin;
-      const float comfort_j = courses->comfort_speed[j], safe_j = courses->safe_speed[j], clear_j = courses->clearance[j];
+      const float comfort_j = courses->comfort_speed[j], safe_j = courses->safe_speed[j],
+                  clear_j = courses->clearance[j];
       courses->comfort_speed[j] = in_course && comfort_speed < comfort_j ? comfort_speed : comfort_j;
       courses->safe_speed[j] = in_course && safe_speed < safe_j ? safe_speed : safe_j;
       courses->clearance[j] = !in_course && lateral_gap < clear_j ? lateral_gap : clear_j;
@@ -268,8 +283,9 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   Plan plan{-c.vehicle->max_decel, c.d, PlanStatus::kNoFeasibleCommand};
   for (int j = 0; j < courses.count; ++j) {
     const float reference = courses.comfort_speed[j];
-    const float path_cost = static_cast<float>(w.path_weight) * std::abs(courses.target[j] - static_cast<float>(c.target_d)) +
-                            static_cast<float>(w.goal_weight) * std::max(0.0f, free_speed - reference) / free_speed;
+    const float path_cost =
+        static_cast<float>(w.path_weight) * std::abs(courses.target[j] - static_cast<float>(c.target_d)) +
+        static_cast<float>(w.goal_weight) * std::max(0.0f, free_speed - reference) / free_speed;
     if (path_cost >= best_cost) continue;
     const float reachable = std::clamp(reference, slowest, fastest);
     for (int i = 0; i < profiles.count; ++i) {
@@ -278,8 +294,10 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
       if (clearance < margin || speed > courses.safe_speed[j] + 1e-4f) continue;
       const float cost = path_cost +
                          static_cast<float>(w.speed_weight) * std::abs(speed - reachable) / free_speed +
-                         static_cast<float>(w.clearance_weight) * std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f)) +
-                         static_cast<float>(w.comfort_weight) * std::abs(profiles.accel[i]) / static_cast<float>(c.vehicle->max_decel);
+                         static_cast<float>(w.clearance_weight) *
+                             std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f)) +
+                         static_cast<float>(w.comfort_weight) * std::abs(profiles.accel[i]) /
+                             static_cast<float>(c.vehicle->max_decel);
       if (cost < best_cost) {
         best_cost = cost;
         plan = {profiles.accel[i], courses.target[j], PlanStatus::kOk};
@@ -294,8 +312,9 @@ Plan PlanIdm(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   RollOutCourses(params.driving, scratch->view, c, 1, &courses);
   LimitCourseSpeeds(params, scratch->view, c, &courses);
   const VehicleParams& vehicle = *c.vehicle;
-  const double accel = IdmAccel(c.speed, c.free_speed, courses.leader_gap, courses.leader_speed, vehicle.max_accel,
-                                params.driving.comfort_decel, vehicle.time_gap, vehicle.min_gap);
+  const double accel =
+      IdmAccel(c.speed, c.free_speed, courses.leader_gap, courses.leader_speed, vehicle.max_accel,
+               params.driving.comfort_decel, vehicle.time_gap, vehicle.min_gap);
   return {std::clamp(accel, -vehicle.emergency_decel, vehicle.max_accel), c.target_d, PlanStatus::kOk};
 }
 

@@ -12,7 +12,8 @@ namespace lanewise {
 inline constexpr int kMaxCourses = 64;
 inline constexpr int kMaxSpeedProfiles = 32;
 
-/// Speeds reachable within one period: [v - b dt, v + a dt], not below 0 ([C]: period 30 ms, 30 m/s, 5 m/s^2: 29.85 to 30.15 m/s).
+/// Speeds reachable within one period: [v - b dt, v + a dt], not below 0 ([C]: period 30 ms, 30 m/s, 5
+/// m/s^2: 29.85 to 30.15 m/s).
 struct DynamicWindow {
   double min;
   double max;
@@ -23,15 +24,16 @@ DynamicWindow ReachableSteering(double steering_angle, double max_rate, double m
 
 /// What a plan starts from: the ego in the frame of its reference path, and what it wants.
 struct PlanContext {
-  double d{0.0};              ///< [m] left of the path.
-  double heading_error{0.0};  ///< [rad]
-  double slip{0.0};           ///< [rad] present slip angle beta.
-  double speed{0.0};          ///< [m/s]
-  double target_d{0.0};       ///< [m] wanted lateral position.
+  double d{0.0};                                ///< [m] left of the path.
+  double heading_error{0.0};                    ///< [rad]
+  double slip{0.0};                             ///< [rad] present slip angle beta.
+  double speed{0.0};                            ///< [m/s]
+  double target_d{0.0};                         ///< [m] wanted lateral position.
   double corridor_min{0.0}, corridor_max{0.0};  ///< [m] lateral positions a course may aim at.
-  double free_speed{0.0};     ///< [m/s] wanted without obstacles.
-  double leader_gap{std::numeric_limits<double>::infinity()};  ///< [m] to the leader on the lane, in the view or beyond.
-  double leader_speed{0.0};   ///< [m/s] of that leader.
+  double free_speed{0.0};                       ///< [m/s] wanted without obstacles.
+  double leader_gap{
+      std::numeric_limits<double>::infinity()};  ///< [m] to the leader on the lane, in the view or beyond.
+  double leader_speed{0.0};                      ///< [m/s] of that leader.
   const VehicleParams* vehicle{nullptr};
 };
 
@@ -40,17 +42,19 @@ struct PlanContext {
 /// driven, so C courses and P speed profiles make C x P rollouts from C + P simulations.
 struct CourseSet {
   int count{0};
-  alignas(64) std::array<float, kMaxCourses> target;        ///< [m] lateral position aimed at.
-  alignas(64) std::array<float, kMaxCourses> end;           ///< [m] lateral position reached at the last node.
+  alignas(64) std::array<float, kMaxCourses> target;  ///< [m] lateral position aimed at.
+  alignas(64) std::array<float, kMaxCourses> end;     ///< [m] lateral position reached at the last node.
   /// [m] lateral position of the middle of the front and of the rear bumper when the front is at path node n.
   alignas(64) float front[kPathNodes][kMaxCourses], rear[kPathNodes][kMaxCourses];
   /// [m] range of both from node n on.
   alignas(64) float front_min[kPathNodes][kMaxCourses], front_max[kPathNodes][kMaxCourses];
   alignas(64) float rear_min[kPathNodes][kMaxCourses], rear_max[kPathNodes][kMaxCourses];
-  alignas(64) std::array<float, kMaxCourses> comfort_speed; ///< [m/s] braking comfortably for what stands in the course.
-  alignas(64) std::array<float, kMaxCourses> safe_speed;    ///< [m/s] the admissible limit.
-  alignas(64) std::array<float, kMaxCourses> clearance;     ///< [m] to what is passed.
-  float leader_gap{0.0f}, leader_speed{0.0f};               ///< Of course 0: the nearest obstacle in it (infinite gap if none).
+  alignas(64) std::array<float, kMaxCourses> comfort_speed;  ///< [m/s] braking comfortably for what stands in
+                                                             ///< the course.
+  alignas(64) std::array<float, kMaxCourses> safe_speed;     ///< [m/s] the admissible limit.
+  alignas(64) std::array<float, kMaxCourses> clearance;      ///< [m] to what is passed.
+  float leader_gap{0.0f},
+      leader_speed{0.0f};  ///< Of course 0: the nearest obstacle in it (infinite gap if none).
 };
 
 /// Per-thread working memory of a planner: about 20 KiB, reused.
@@ -66,15 +70,20 @@ enum class PlanStatus : std::uint8_t { kOk, kNoFeasibleCommand };
 struct Plan {
   double accel{0.0};     ///< [m/s^2] for the next period.
   double target_d{0.0};  ///< [m] lateral position to steer to.
-  PlanStatus status{PlanStatus::kOk};  ///< kNoFeasibleCommand: brake as hard as the vehicle can, hold the course.
+  PlanStatus status{
+      PlanStatus::kOk};  ///< kNoFeasibleCommand: brake as hard as the vehicle can, hold the course.
 };
 
 /// Simulates `count` courses: course 0 aims at context.target_d, the rest spread over the corridor.
-void RollOutCourses(const DrivingParams& driving, const RoadView& view, const PlanContext& context, int count, CourseSet* courses);
-/// For each course, the speeds from which the ego can still stop behind what is in it, and the clearance to what it passes.
-void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& context, CourseSet* courses);
+void RollOutCourses(const DrivingParams& driving, const RoadView& view, const PlanContext& context, int count,
+                    CourseSet* courses);
+/// For each course, the speeds from which the ego can still stop behind what is in it, and the clearance to
+/// what it passes.
+void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& context,
+                       CourseSet* courses);
 
-/// Dynamic Window Approach ([C]; Fox, Burgard, Thrun 1997) over 15 x 20 rollouts. Nothing feasible is a result, not an error.
+/// Dynamic Window Approach ([C]; Fox, Burgard, Thrun 1997) over 15 x 20 rollouts. Nothing feasible is a
+/// result, not an error.
 Plan PlanDwa(const AgentParams& params, const PlanContext& context, PlanScratch* scratch) noexcept;
 /// IDM along the reference course.
 Plan PlanIdm(const AgentParams& params, const PlanContext& context, PlanScratch* scratch) noexcept;

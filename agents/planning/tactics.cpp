@@ -54,7 +54,8 @@ double SoftCap(const Ego& ego, double wanted, double decel) {
 }
 
 LaneIndex UsableNeighbor(const Ego& ego, int side) {
-  const LaneIndex neighbor = ego.world.network->Neighbor(static_cast<LaneIndex>(&ego.lane - ego.world.network->lanes.data()), side);
+  const LaneIndex neighbor =
+      ego.world.network->Neighbor(static_cast<LaneIndex>(&ego.lane - ego.world.network->lanes.data()), side);
   return neighbor != kNone && ego.Advice(side).allowed ? neighbor : kNone;
 }
 
@@ -66,7 +67,8 @@ NeededChange FindNeededChange(const Ego& ego, const Leader& leader) {
   if (traffic.stop_lane[ego.row] != kNone) changes = traffic.stop_lane[ego.row] - ego.lane.index;
   if (changes != 0) {
     needed = {changes > 0 ? 1 : -1, std::abs(changes), advice.free_distance - ego.s};
-    if (traffic.stop_lane[ego.row] != kNone) needed.remaining = std::min(needed.remaining, traffic.stop_distance[ego.row]);
+    if (traffic.stop_lane[ego.row] != kNone)
+      needed.remaining = std::min(needed.remaining, traffic.stop_distance[ego.row]);
   }
   return needed.remaining < leader.gap ? needed : needed;
 }
@@ -78,30 +80,38 @@ bool GapAccepted(const Ego& ego, const Leader& ahead, const Leader& behind, doub
   const double decel = p.safe_decel + 1.5 * urgency;
   // Who stands behind has stopped to let the ego in, or will see it: any room is enough.
   const double min_behind = behind.speed < kCrawlSpeed ? kStandingGap : p.min_gap;
-  if (ahead.row != kNone && (ahead.gap < (urgency > 0.0 ? kStandingGap : p.min_gap) || ego.speed > SafeSpeed(ahead.gap - kStandingGap, ahead.speed, decel, reaction) + 0.3)) {
+  if (ahead.row != kNone &&
+      (ahead.gap < (urgency > 0.0 ? kStandingGap : p.min_gap) ||
+       ego.speed > SafeSpeed(ahead.gap - kStandingGap, ahead.speed, decel, reaction) + 0.3)) {
     return false;
   }
   return behind.row == kNone ||
-         (behind.gap >= min_behind && behind.speed <= SafeSpeed(behind.gap - min_behind, ego.speed, decel, reaction) + 0.3);
+         (behind.gap >= min_behind &&
+          behind.speed <= SafeSpeed(behind.gap - min_behind, ego.speed, decel, reaction) + 0.3);
 }
 
 /// MOBIL incentive [m/s^2] for the neighbour lane.
-double Advantage(const Ego& ego, const Leader& leader, const Leader& ahead, const Leader& behind, double limit_there) {
+double Advantage(const Ego& ego, const Leader& leader, const Leader& ahead, const Leader& behind,
+                 double limit_there) {
   const double decel = ego.params.driving.comfort_decel;
   const VehicleParams& v = ego.vehicle;
   const auto accel = [&](const Leader& l, double limit) {
-    return std::max(-v.max_decel, IdmAccel(ego.speed, limit, l.gap, l.speed, v.max_accel, decel, v.time_gap, v.min_gap));
+    return std::max(-v.max_decel,
+                    IdmAccel(ego.speed, limit, l.gap, l.speed, v.max_accel, decel, v.time_gap, v.min_gap));
   };
   double follower_loss = 0.0;
   if (behind.row != kNone) {
     const VehicleParams& f = ego.world.traffic->params[behind.row];
     const double wanted = ego.world.traffic->speed_limit[behind.row];
     const double gap_now = behind.gap + v.length + std::max(0.0, ahead.gap);
-    const double before = IdmAccel(behind.speed, wanted, gap_now, ahead.speed, f.max_accel, decel, f.time_gap, f.min_gap);
-    const double after = IdmAccel(behind.speed, wanted, behind.gap, ego.speed, f.max_accel, decel, f.time_gap, f.min_gap);
+    const double before =
+        IdmAccel(behind.speed, wanted, gap_now, ahead.speed, f.max_accel, decel, f.time_gap, f.min_gap);
+    const double after =
+        IdmAccel(behind.speed, wanted, behind.gap, ego.speed, f.max_accel, decel, f.time_gap, f.min_gap);
     follower_loss = std::clamp(before - after, 0.0, 2.0 * f.max_decel);
   }
-  return accel(ahead, limit_there) - accel(leader, ego.speed_limit) - ego.params.lane_change.politeness * follower_loss;
+  return accel(ahead, limit_there) - accel(leader, ego.speed_limit) -
+         ego.params.lane_change.politeness * follower_loss;
 }
 
 struct Neighborhood {
@@ -115,12 +125,15 @@ Neighborhood LookBeside(const Ego& ego, LaneIndex neighbor) {
 }
 
 /// Lateral distance between the present lane's centre and its neighbour's.
-double Spacing(const Ego& ego, LaneIndex neighbor) { return 0.5 * (ego.lane.width + ego.world.network->lanes[neighbor].width); }
+double Spacing(const Ego& ego, LaneIndex neighbor) {
+  return 0.5 * (ego.lane.width + ego.world.network->lanes[neighbor].width);
+}
 
 /// The lateral position that passes a standing vehicle within the lane, if there is room; else `fallback`.
 bool PassWithinLane(const Ego& ego, const Leader& hazard, double* target_d) {
   const Traffic& traffic = *ego.world.traffic;
-  const double need = 0.5 * (traffic.params[hazard.row].width + ego.vehicle.width) + ego.params.driving.pass_clearance;
+  const double need =
+      0.5 * (traffic.params[hazard.row].width + ego.vehicle.width) + ego.params.driving.pass_clearance;
   const double hazard_d = traffic.now.d[hazard.row];
   const double left = hazard_d + need, right = hazard_d - need;
   const double limit = ego.HalfSpan() - 0.1;
@@ -143,7 +156,8 @@ void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
       const double front = other.s - ego.s;
       if (front <= 0.0 || other.row == ego.row) continue;
       if (front > 50.0 || front > leader_front) break;
-      const bool asks = traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side && traffic.now.lane[other.row] == neighbor;
+      const bool asks = traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side &&
+                        traffic.now.lane[other.row] == neighbor;
       if (!asks || its_lane.length - other.s > kLetInZone) continue;
       const double gap = front - traffic.params[other.row].length;
       // Beside a vehicle that stands, waiting makes no room: who is further back lets it in.
@@ -152,20 +166,25 @@ void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
       if (tactics->yielded_to != kNone && tactics->yielded_to != number) break;
       tactics->yielded_to = number;
       const double decel = ego.params.lane_change.cooperation_decel;
-      tactics->speed_cap = std::min(tactics->speed_cap, SoftCap(ego, FollowSpeed(ego, gap, traffic.now.speed[other.row], decel), decel));
+      tactics->speed_cap =
+          std::min(tactics->speed_cap,
+                   SoftCap(ego, FollowSpeed(ego, gap, traffic.now.speed[other.row], decel), decel));
       break;
     }
   }
 }
 
 /// A needed change: how fast one may go while it is not done.
-void PrepareChange(const Ego& ego, const NeededChange& needed, const Neighborhood& beside, double urgency, Tactics* tactics) {
+void PrepareChange(const Ego& ego, const NeededChange& needed, const Neighborhood& beside, double urgency,
+                   Tactics* tactics) {
   const LaneChangeParams& p = ego.params.lane_change;
   const double reserve = std::min(p.reserve * needed.count, 0.5 * ego.lane.length);
   // Stop where the lane can still be left, not at its end.
-  tactics->speed_cap = std::min(tactics->speed_cap, SafeSpeed(needed.remaining - reserve, 0.0, ego.params.driving.comfort_decel, 0.5));
+  tactics->speed_cap = std::min(
+      tactics->speed_cap, SafeSpeed(needed.remaining - reserve, 0.0, ego.params.driving.comfort_decel, 0.5));
   if (urgency > 0.4 && beside.ahead.row != kNone && ego.speed > 2.0) {
-    const double wanted = std::max(2.0, FollowSpeed(ego, beside.ahead.gap, beside.ahead.speed, ego.params.driving.comfort_decel));
+    const double wanted = std::max(
+        2.0, FollowSpeed(ego, beside.ahead.gap, beside.ahead.speed, ego.params.driving.comfort_decel));
     tactics->speed_cap = std::min(tactics->speed_cap, SoftCap(ego, wanted, kAlignDecel));
   }
 }
@@ -186,7 +205,8 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
   const double lookahead = needed.count * (p.lookahead_time * ego.speed_limit + p.lookahead_distance);
   const bool urgent = needed.side != 0 && needed.remaining < lookahead;
   // Too near to the junction to bring the front across the border before it.
-  const bool too_late = to_lane_end < 3.0 + 1.2 * ego.speed && !(urgent && needed.remaining <= to_lane_end + 1.0);
+  const bool too_late =
+      to_lane_end < 3.0 + 1.2 * ego.speed && !(urgent && needed.remaining <= to_lane_end + 1.0);
 
   const int under_way = ego.now().lane_change[ego.row];
   if (under_way != 0) {
@@ -194,9 +214,11 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     if (neighbor == kNone || to_lane_end < 1.0 + 0.3 * ego.speed) return;
     const Neighborhood beside = LookBeside(ego, neighbor);
     const bool inside = ego.d * under_way > ego.HalfSpan();
-    const bool unsafe = beside.behind.row != kNone && (beside.behind.gap < 0.3 ||
-        beside.behind.speed > SafeSpeed(beside.behind.gap, ego.speed, 6.0, 0.2) + 0.5);
-    const bool runs_up = beside.ahead.row != kNone &&
+    const bool unsafe = beside.behind.row != kNone &&
+                        (beside.behind.gap < 0.3 ||
+                         beside.behind.speed > SafeSpeed(beside.behind.gap, ego.speed, 6.0, 0.2) + 0.5);
+    const bool runs_up =
+        beside.ahead.row != kNone &&
         ego.speed > SafeSpeed(beside.ahead.gap - kStandingGap, beside.ahead.speed, 6.0, 0.3) + 0.5;
     if ((unsafe || runs_up) && !inside) return;
     tactics->lane_change = static_cast<std::int8_t>(under_way);
@@ -249,12 +271,21 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
 
 }  // namespace
 
-Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex row, const WayAhead& way, const Leader& leader) {
+Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex row, const WayAhead& way,
+                      const Leader& leader) {
   const Traffic& traffic = *world.traffic;
   const Lane& lane = world.network->lanes[traffic.now.lane[row]];
-  const Ego ego{world, params, row, lane, traffic.params[row], *traffic.plan[row],
-                static_cast<std::size_t>(traffic.route_position[row]), traffic.now.s[row], traffic.now.d[row],
-                traffic.now.speed[row], traffic.speed_limit[row]};
+  const Ego ego{world,
+                params,
+                row,
+                lane,
+                traffic.params[row],
+                *traffic.plan[row],
+                static_cast<std::size_t>(traffic.route_position[row]),
+                traffic.now.s[row],
+                traffic.now.d[row],
+                traffic.now.speed[row],
+                traffic.speed_limit[row]};
   Tactics tactics;
   tactics.yielded_to = traffic.now.yielded_to[row];
   const double span = std::max(0.2, ego.HalfSpan() - 0.1);
@@ -274,7 +305,8 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
     if (tactics.lane_change == 0) LetIn(ego, leader, &tactics);
   }
   if (!way.leads_on) {
-    tactics.speed_cap = std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));
+    tactics.speed_cap =
+        std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));
   }
   tactics.corridor_min = std::min({-span, tactics.target_d, std::max(ego.d, -lane.width)});
   tactics.corridor_max = std::max({span, tactics.target_d, std::min(ego.d, lane.width)});

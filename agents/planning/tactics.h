@@ -8,9 +8,9 @@ namespace lanewise {
 
 /// What the agent decides before it plans: which lane, where in it, how fast at most.
 struct Tactics {
-  double target_d{0.0};     ///< [m] wanted lateral position on the present lane's path.
+  double target_d{0.0};                         ///< [m] wanted lateral position on the present lane's path.
   double corridor_min{0.0}, corridor_max{0.0};  ///< [m] lateral positions a course may aim at.
-  double speed_cap{1e9};    ///< [m/s] for a needed lane change, a merging neighbour, the lane's end.
+  double speed_cap{1e9};  ///< [m/s] for a needed lane change, a merging neighbour, the lane's end.
   std::int8_t lane_change{0};
   std::int8_t blinker{0};
   bool urgent{false};
@@ -19,6 +19,7 @@ struct Tactics {
 
 /// Lane choice along the route (needed changes first, then MOBIL, Kesting et al. 2007), gap acceptance,
 /// letting others in, and passing what stands in the lane with hazard lights.
-Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex ego, const WayAhead& way, const Leader& leader);
+Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex ego, const WayAhead& way,
+                      const Leader& leader);
 
 }  // namespace lanewise

@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-
 namespace lanewise {
 namespace {
 
-/// [m] by which the path leaves its tangent at the front bumper until the rear bumper, to the left. Lanes side by side bend
-/// gently; a greater curvature is a kink shorter than the body: bounded.
+/// [m] by which the path leaves its tangent at the front bumper until the rear bumper, to the left. Lanes
+/// side by side bend gently; a greater curvature is a kink shorter than the body: bounded.
 double BendAlongBody(double length, double curvature) {
   constexpr double kGentle = 0.05;  // [1/m]
   return 0.5 * length * length * std::clamp(curvature, -kGentle, kGentle);
@@ -27,7 +26,8 @@ void LaneOccupancy::Build(const Traffic& traffic) {
     if (lane == kNone) return;
     place(lane);
     const double length = traffic.params[i].length;
-    const double rear_d = now.d[i] - length * std::sin(now.heading_error[i]) - BendAlongBody(length, now.curvature[i]);
+    const double rear_d =
+        now.d[i] - length * std::sin(now.heading_error[i]) - BendAlongBody(length, now.curvature[i]);
     const double reach = 0.5 * (network_.lanes[lane].width - traffic.params[i].width);
     const auto place_neighbor = [&](int side) {
       const LaneIndex neighbor = network_.Neighbor(lane, side);
@@ -42,13 +42,13 @@ void LaneOccupancy::Build(const Traffic& traffic) {
     for_each_lane(i, [&](LaneIndex lane) { ++start_[lane + 1]; });
   }
   for (std::size_t lane = 1; lane < start_.size(); ++lane) start_[lane] += start_[lane - 1];
-  items_.reserve(3 * traffic.vehicle_count);  // A body reaches into three lanes at most: no allocation when more straddle.
+  items_.reserve(
+      3 *
+      traffic.vehicle_count);  // A body reaches into three lanes at most: no allocation when more straddle.
   items_.resize(start_.back());
   std::copy(start_.begin(), start_.end(), fill_.begin());
   for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {
-    for_each_lane(i, [&](LaneIndex lane) {
-      items_[fill_[lane]++] = {now.s[i], static_cast<AgentIndex>(i)};
-    });
+    for_each_lane(i, [&](LaneIndex lane) { items_[fill_[lane]++] = {now.s[i], static_cast<AgentIndex>(i)}; });
   }
   for (std::size_t lane = 0; lane + 1 < start_.size(); ++lane) {
     if (start_[lane + 1] - start_[lane] < 2) continue;

@@ -53,7 +53,8 @@ Leader FirstOnWay(const World& world, AgentIndex ego, const WayAhead& way, bool 
 }
 
 /// The nearest vehicle behind `s` on `lane`, looking back through the lanes that lead here.
-void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback, int depth, Leader* nearest) {
+void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback, int depth,
+                Leader* nearest) {
   const auto occupants = world.occupancy->On(lane);
   for (auto it = occupants.rbegin(); it != occupants.rend(); ++it) {
     if (it->row == ego || it->s > s) continue;
@@ -68,7 +69,8 @@ void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, do
     // A connection that runs through an internal lane is followed from that lane, not from here.
     const bool direct = connection.via == kNone ? connection.to == lane : connection.via == lane;
     if (!direct) continue;
-    SearchBack(world, ego, connection.from, s + network.lanes[connection.from].length, lookback, depth - 1, nearest);
+    SearchBack(world, ego, connection.from, s + network.lanes[connection.from].length, lookback, depth - 1,
+               nearest);
   }
 }
 
@@ -130,7 +132,10 @@ Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
   obstacle.half_width = half_length * std::abs(across) + half_width * std::abs(along);
   // It moves along its course, which in a bend is not its heading.
   const VehicleParams& params = traffic.params[row];
-  const float slip = traffic.driven[row] ? static_cast<float>(SlipAngle(traffic.now.steering_angle[row], params.wheelbase, params.rear_axle_to_front)) : 0.0f;
+  const float slip = traffic.driven[row]
+                         ? static_cast<float>(SlipAngle(traffic.now.steering_angle[row], params.wheelbase,
+                                                        params.rear_axle_to_front))
+                         : 0.0f;
   obstacle.speed_s = speed * (along * std::cos(slip) - across * std::sin(slip));
   obstacle.speed_d = speed * (across * std::cos(slip) + along * std::sin(slip));
   obstacle.along = along;
@@ -140,7 +145,8 @@ Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
 }
 
 bool IsOnWay(const WayAhead& way, LaneIndex lane) {
-  return std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [lane](const LaneAhead& ahead) { return ahead.lane == lane; });
+  return std::any_of(way.lanes.begin(), way.lanes.begin() + way.count,
+                     [lane](const LaneAhead& ahead) { return ahead.lane == lane; });
 }
 
 /// Keeps the nearest kMaxObstacles.
@@ -149,9 +155,9 @@ void Keep(const Obstacle& obstacle, RoadView* view) {
     view->obstacles[view->obstacle_count++] = obstacle;
     return;
   }
-  auto farthest = std::max_element(view->obstacles.begin(), view->obstacles.end(), [](const Obstacle& a, const Obstacle& b) {
-    return std::abs(a.s) < std::abs(b.s);
-  });
+  auto farthest =
+      std::max_element(view->obstacles.begin(), view->obstacles.end(),
+                       [](const Obstacle& a, const Obstacle& b) { return std::abs(a.s) < std::abs(b.s); });
   if (std::abs(obstacle.s) < std::abs(farthest->s)) *farthest = obstacle;
 }
 
@@ -170,7 +176,9 @@ WayAhead LookAhead(const World& world, AgentIndex ego, double distance) {
   return LookAheadFrom(world, ego, world.traffic->now.lane[ego], world.traffic->now.s[ego], distance);
 }
 
-Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way) { return FirstOnWay(world, ego, way, false); }
+Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way) {
+  return FirstOnWay(world, ego, way, false);
+}
 
 Leader FindLeaderOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookahead) {
   return FirstOnWay(world, ego, LookAheadFrom(world, ego, lane, s, lookahead), true);
@@ -183,7 +191,8 @@ Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, do
   return follower;
 }
 
-void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic, RoadView* view) {
+void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic,
+               RoadView* view) {
   SamplePath(world, way, horizon, view);
   view->obstacle_count = 0;
   // One circle around the path ahead: its middle node is the centre.
@@ -208,7 +217,9 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       const LaneIndex lane = world.traffic->now.lane[row];
       if (!person && obstacle.along <= 0.5f && !stands) return;
       const bool creeps = world.traffic->now.speed[ego] < 1.5;
-      obstacle.soft = stands && ((person && creeps) || (lane != kNone && world.network->lanes[lane].internal && !IsOnWay(way, lane)));
+      obstacle.soft =
+          stands && ((person && creeps) ||
+                     (lane != kNone && world.network->lanes[lane].internal && !IsOnWay(way, lane)));
     }
     Keep(obstacle, view);
   });

@@ -20,7 +20,7 @@ struct World {
   const std::vector<LaneCurve>* curves;
   const Traffic* traffic;
   const LaneOccupancy* occupancy;
-  const SpatialGrid* grid;      ///< Over the middles of all road users.
+  const SpatialGrid* grid;                     ///< Over the middles of all road users.
   std::span<const double> center_x, center_y;  ///< [m] by row.
 };
 
@@ -35,8 +35,8 @@ struct WayAhead {
   static constexpr int kMaxLanes = 24;
   std::array<LaneAhead, kMaxLanes> lanes;
   int count{0};
-  double length{0.0};          ///< [m] from the front bumper to the end of the last lane listed.
-  bool leads_on{true};         ///< False: the way ends at `length` because the lane does not lead along the route.
+  double length{0.0};   ///< [m] from the front bumper to the end of the last lane listed.
+  bool leads_on{true};  ///< False: the way ends at `length` because the lane does not lead along the route.
 };
 
 /// The lane behind `lane` on the ego's route (an internal lane counts); kNone at the trip's end or where
@@ -50,11 +50,12 @@ WayAhead LookAhead(const World& world, AgentIndex ego, double distance);
 struct Leader {
   AgentIndex row{kNone};
   double gap{std::numeric_limits<double>::infinity()};  ///< [m] bumper to bumper.
-  double speed{0.0};                                     ///< [m/s]
+  double speed{0.0};                                    ///< [m/s]
 };
 
-/// Nearest vehicle ahead whose front is on the ego's way (own lane and the lanes it leads to), within the way's
-/// length. It is followed wherever it stands in the lane: within a lane nobody passes, hazards excepted.
+/// Nearest vehicle ahead whose front is on the ego's way (own lane and the lanes it leads to), within the
+/// way's length. It is followed wherever it stands in the lane: within a lane nobody passes, hazards
+/// excepted.
 Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way);
 
 /// Nearest vehicle ahead of and behind position s on `lane`; vehicles beside the ego count with a
@@ -62,15 +63,16 @@ Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way);
 Leader FindLeaderOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookahead);
 Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback);
 
-/// A road user or thing near the ego, in the frame of the ego's reference path: s from the ego's front bumper.
+/// A road user or thing near the ego, in the frame of the ego's reference path: s from the ego's front
+/// bumper.
 struct Obstacle {
-  float s, d;                    ///< [m] middle of its box.
-  float half_length, half_width; ///< [m] extent along and across the path.
-  float speed_s, speed_d;        ///< [m/s]
-  float along;                   ///< Cosine of its heading to the path's.
+  float s, d;                     ///< [m] middle of its box.
+  float half_length, half_width;  ///< [m] extent along and across the path.
+  float speed_s, speed_d;         ///< [m/s]
+  float along;                    ///< Cosine of its heading to the path's.
   AgentIndex row;
-  bool soft;                     ///< Stands in a junction across our way: kept clear of where there is room, not waited for.
-  bool hazard;                   ///< Stands with hazard lights, or is a person: may be passed at any time.
+  bool soft;    ///< Stands in a junction across our way: kept clear of where there is room, not waited for.
+  bool hazard;  ///< Stands with hazard lights, or is a person: may be passed at any time.
 };
 
 inline constexpr int kMaxObstacles = 24;
@@ -83,9 +85,10 @@ inline constexpr float kSpacingBehind = 4.0f;  ///< [m]
 struct RoadView {
   float spacing{1.0f};                        ///< [m] between nodes.
   std::array<float, kPathNodes> curvature{};  ///< [1/m]
-  /// Nodes from the rearmost to the farthest: s [m] from the front bumper, and the pose relative to the origin, world axes.
+  /// Nodes from the rearmost to the farthest: s [m] from the front bumper, and the pose relative to the
+  /// origin, world axes.
   std::array<float, kNodesBehind + kPathNodes> s{}, x{}, y{}, cos_heading{}, sin_heading{};
-  double origin_x{0.0}, origin_y{0.0};        ///< [m] world, path point beside the front bumper.
+  double origin_x{0.0}, origin_y{0.0};  ///< [m] world, path point beside the front bumper.
   std::array<Obstacle, kMaxObstacles> obstacles;
   int obstacle_count{0};
 };
@@ -93,6 +96,7 @@ struct RoadView {
 /// Samples the path over `horizon` [m] and collects the obstacles around it.
 /// @param crossing_traffic also take vehicles that cross or come against the path (false while
 /// SUMO's checks guard the junction).
-void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic, RoadView* view);
+void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic,
+               RoadView* view);
 
 }  // namespace lanewise

@@ -40,7 +40,8 @@ inline double StepBicycleOnRoad(double accel, double slip_angle, double l_r, dou
                                 RoadPose* pose, double* speed) {
   *speed = std::fmax(0.0, *speed + accel * dt);
   const double course = pose->heading_error + slip_angle;
-  // 1 - curvature * d: metres along the path per metre driven at offset d; bounded away from the path's centre of curvature.
+  // 1 - curvature * d: metres along the path per metre driven at offset d; bounded away from the path's
+  // centre of curvature.
   const double stretch = std::fmax(0.3, 1.0 - curvature * pose->d);
   const double progress = std::fmax(0.0, *speed * std::cos(course) / stretch * dt);
   pose->s += progress;

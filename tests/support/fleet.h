@@ -10,15 +10,19 @@
 
 namespace lanewise {
 
-/// Agents on a road network without SUMO: the fleet itself carries them along their lanes. For tests and benchmarks.
+/// Agents on a road network without SUMO: the fleet itself carries them along their lanes. For tests and
+/// benchmarks.
 class Fleet {
  public:
   Fleet(const RoadNetwork& network, const AgentParams& params = {})
-      : network_(network), params_(params), curves_(FitLaneCurves(network, {})), pipeline_(network_, curves_, params) {}
+      : network_(network),
+        params_(params),
+        curves_(FitLaneCurves(network, {})),
+        pipeline_(network_, curves_, params) {}
 
   /// Adds a vehicle; `route` are edge ids, the vehicle starts on lane number `lane` of the first.
-  std::size_t Add(const std::vector<std::string>& route, int lane, double s, double speed, const VehicleParams& vehicle = {},
-                  Policy policy = Policy::kDwa) {
+  std::size_t Add(const std::vector<std::string>& route, int lane, double s, double speed,
+                  const VehicleParams& vehicle = {}, Policy policy = Policy::kDwa) {
     std::vector<EdgeIndex> edges;
     for (const std::string& id : route) edges.push_back(network_.FindEdge(id));
     plans_.push_back(std::make_unique<RoutePlan>(network_, edges, VehicleClassBit("passenger")));
@@ -88,7 +92,8 @@ class Fleet {
       now.since_change[i] = 0.0f;
     }
     while (now.s[i] > network_.lanes[now.lane[i]].length) {
-      const LaneIndex next = NextLane(network_, *traffic.plan[i], static_cast<std::size_t>(traffic.route_position[i]), now.lane[i]);
+      const LaneIndex next = NextLane(network_, *traffic.plan[i],
+                                      static_cast<std::size_t>(traffic.route_position[i]), now.lane[i]);
       if (next == kNone) break;
       now.s[i] -= network_.lanes[now.lane[i]].length;
       if (!network_.lanes[next].internal) ++traffic.route_position[i];

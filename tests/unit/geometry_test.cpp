@@ -13,7 +13,9 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 
 /// A car 4 m long and 2 m wide with its front bumper at (x, y).
-Footprint Car(double x, double y, double heading = 0.0) { return {{x, y, heading}, 4.0, 2.0}; }
+Footprint Car(double x, double y, double heading = 0.0) {
+  return {{x, y, heading}, 4.0, 2.0};
+}
 
 TEST(WrapAngle, IsPeriodicAndKeepsTheEnds) {
   EXPECT_NEAR(WrapAngle(3.0 * kPi / 2.0), -kPi / 2.0, 1e-12);
@@ -23,7 +25,9 @@ TEST(WrapAngle, IsPeriodicAndKeepsTheEnds) {
   EXPECT_EQ(WrapAngle(0.3), 0.3);
 }
 
-TEST(Distance, InOneLaneIsTheGap) { EXPECT_NEAR(Distance(Car(10.0, 0.0), Car(0.0, 0.0)), 6.0, 1e-12); }
+TEST(Distance, InOneLaneIsTheGap) {
+  EXPECT_NEAR(Distance(Car(10.0, 0.0), Car(0.0, 0.0)), 6.0, 1e-12);
+}
 
 TEST(Distance, OfOffsetBoxesIsBetweenCorners) {
   // Gaps of 3 m along and 4 m across: corner to corner.

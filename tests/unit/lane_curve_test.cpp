@@ -292,11 +292,12 @@ TEST(LaneCurve, BolognaIsCurvatureContinuousOverEveryConnection) {
   EXPECT_GT(joints, 700);
 }
 
-// Lanes between junctions are digitised roads: their curves keep near the polyline, but for sharp kinks of the
-// map itself. Lanes inside junctions are netconvert's guesses, of a few vertices and often with corners that no
-// car can turn; there the fit rounds over min(smoothness, length / 4) on purpose, so that a vehicle with a finite
-// turning circle can follow, and cuts the corner by some decimetres. Measured with the default parameters:
-// normal lanes 8 % beyond 0.3 m, at most 0.96 m; internal lanes 31 % beyond 0.3 m, 2 % beyond 1 m, at most 1.7 m.
+// Lanes between junctions are digitised roads: their curves keep near the polyline, but for sharp kinks of
+// the map itself. Lanes inside junctions are netconvert's guesses, of a few vertices and often with corners
+// that no car can turn; there the fit rounds over min(smoothness, length / 4) on purpose, so that a vehicle
+// with a finite turning circle can follow, and cuts the corner by some decimetres. Measured with the default
+// parameters: normal lanes 8 % beyond 0.3 m, at most 0.96 m; internal lanes 31 % beyond 0.3 m, 2 % beyond 1
+// m, at most 1.7 m.
 TEST(LaneCurve, BolognaStaysNearItsLanesAndDrivable) {
   const auto& [network, curves] = LoadedAcosta();
   if (curves.empty()) GTEST_SKIP() << "no net file " << kAcosta;

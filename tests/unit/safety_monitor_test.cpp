@@ -164,7 +164,9 @@ TEST(SafetyMonitor, TouchingAgainWithinTwoSecondsIsTheSameContact) {
   EXPECT_NEAR(contacts[0].end, 2.4, 1e-9);
 }
 
-TEST(SafetyMonitor, TouchingAgainLaterIsAnother) { EXPECT_EQ(TouchingAt({5, 27}, 60).size(), 2u); }
+TEST(SafetyMonitor, TouchingAgainLaterIsAnother) {
+  EXPECT_EQ(TouchingAt({5, 27}, 60).size(), 2u);
+}
 
 TEST(SafetyMonitor, HandsOverWhatEndedAndForgetsIt) {
   SafetyMonitor monitor;
