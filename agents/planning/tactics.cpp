@@ -59,7 +59,7 @@ LaneIndex UsableNeighbor(const Ego& ego, int side) {
   return neighbor != kNone && ego.Advice(side).allowed ? neighbor : kNone;
 }
 
-NeededChange FindNeededChange(const Ego& ego, const Leader& leader) {
+NeededChange FindNeededChange(const Ego& ego) {
   const LaneAdvice& advice = ego.Advice(0);
   NeededChange needed;
   int changes = advice.changes;
@@ -70,7 +70,7 @@ NeededChange FindNeededChange(const Ego& ego, const Leader& leader) {
     if (traffic.stop_lane[ego.row] != kNone)
       needed.remaining = std::min(needed.remaining, traffic.stop_distance[ego.row]);
   }
-  return needed.remaining < leader.gap ? needed : needed;
+  return needed;
 }
 
 /// Room in the target lane: may the ego go in now? `urgency` in [0, 1] asks more of the others.
@@ -290,7 +290,7 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
   tactics.yielded_to = traffic.now.yielded_to[row];
   const double span = std::max(0.2, ego.HalfSpan() - 0.1);
   if (!lane.internal && ego.plan.route()[ego.position] == lane.edge) {
-    NeededChange needed = FindNeededChange(ego, leader);
+    NeededChange needed = FindNeededChange(ego);
     if (leader.row != kNone && traffic.hazard[leader.row] && leader.gap < kHazardLookahead &&
         !PassWithinLane(ego, leader, &tactics.target_d) && leader.gap < needed.remaining) {
       // The lane ends, for us, at the vehicle that stands in it.
