@@ -196,7 +196,6 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
       heading[j] += spacing * ((mean - mean * mean * mean * (1.0f / 6.0f)) / l_r - curvature);  // sin
     }
   }
-  std::copy_n(d, padded, courses->end.begin());
   RangeFromNodeOn(courses->front, padded, courses->front_min, courses->front_max);
   RangeFromNodeOn(courses->rear, padded, courses->rear_min, courses->rear_max);
 }

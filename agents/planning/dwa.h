@@ -43,7 +43,6 @@ struct PlanContext {
 struct CourseSet {
   int count{0};
   alignas(64) std::array<float, kMaxCourses> target;  ///< [m] lateral position aimed at.
-  alignas(64) std::array<float, kMaxCourses> end;     ///< [m] lateral position reached at the last node.
   /// [m] lateral position of the middle of the front and of the rear bumper when the front is at path node n.
   alignas(64) float front[kPathNodes][kMaxCourses], rear[kPathNodes][kMaxCourses];
   /// [m] range of both from node n on.
