@@ -9,14 +9,17 @@
 #include <string>
 
 #include "agents/core/check.h"
+#include "tests/support/temporary_folder.h"
 
 namespace lanewise {
 namespace {
 
 const std::filesystem::path kAcosta = LANEWISE_BOLOGNA_FOLDER "/acosta/acosta_buslanes.net.xml";
 
+/// One folder a process: ctest runs the cases of this file side by side.
 std::filesystem::path TemporaryFile(const std::string& name) {
-  return std::filesystem::path(testing::TempDir()) / ("road_network_test_" + name);
+  static const TemporaryFolder folder;
+  return folder / name;
 }
 
 std::filesystem::path WriteFile(const std::string& name, const std::string& content) {
