@@ -24,7 +24,7 @@ struct DrivingParams {
   double max_lateral_accel{5.5};
   double tracking_time{0.9};
   double tracking_distance{3.0};
-  double max_course_angle{0.35};
+  double max_course_angle{0.5};
   double response_time{0.3};
   double pass_clearance{0.5};
   double guard_margin{8.0};

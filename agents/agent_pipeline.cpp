@@ -82,15 +82,6 @@ double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, 
   return std::clamp(lagged, window.min, window.max);
 }
 
-/// [m] lateral position at which the vehicle belongs to the neighbour lane: its middle is over the border,
-/// or, where the lane ends for it, a good part of its body.
-double LaneBorder(const Lane& lane, const VehicleParams& vehicle, const Tactics& tactics,
-                  const WayAhead& way) {
-  constexpr double kBodyOver = 0.3, kLastRoom = 10.0;  // [m]
-  const bool at_the_end = tactics.urgent && !way.leads_on && way.length < kLastRoom;
-  return at_the_end ? 0.5 * (lane.width - vehicle.width) + kBodyOver : 0.5 * lane.width;
-}
-
 /// Did the ego's front, in its last step, pass a vehicle that stands in the same lane?
 bool PassedHazard(const World& world, AgentIndex i, double progress) {
   const Traffic& traffic = *world.traffic;
@@ -223,7 +214,6 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.steering_angle[i] = steering;
   next.s[i] = now.s[i] + progress / curve.scale();
   next.lane[i] = now.lane[i];
-  next.lane_change[i] = tactics.lane_change;
   next.blinker[i] = tactics.blinker;
   next.urgent[i] = tactics.urgent;
   next.since_change[i] = now.since_change[i] + static_cast<float>(dt);
@@ -232,10 +222,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   commands->lane_speed[i] = progress / curve.scale() / dt;
   commands->emergency[i] = next_speed < speed - vehicle.max_decel * dt - 1e-9;
   commands->passed_on_lane[i] = PassedHazard(world, i, progress / curve.scale());
-  const bool crosses =
-      tactics.lane_change != 0 &&
-      pose.d * tactics.lane_change > LaneBorder(network_.lanes[now.lane[i]], vehicle, tactics, way);
-  commands->change_lane[i] = crosses ? tactics.lane_change : std::int8_t{0};
+  commands->change_lane[i] = tactics.lane_change;
 }
 
 }  // namespace lanewise

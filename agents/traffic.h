@@ -30,7 +30,6 @@ struct Motion {
   std::vector<double> steering_angle;    ///< [rad] realised at the road wheel.
   std::vector<double> x, y, heading;     ///< World pose of the front bumper's middle [m, m, rad].
   std::vector<double> curvature;         ///< [1/m] of the reference path at s.
-  std::vector<std::int8_t> lane_change;  ///< Side of the lane change under way: +1 left, -1 right, 0 none.
   std::vector<std::int8_t> blinker;      ///< Side the vehicle asks for (seen by others): +1, -1, 0.
   std::vector<std::uint8_t> urgent;      ///< The asked change is needed to follow the route.
   std::vector<float> since_change;       ///< [s] since the last lane change ended.

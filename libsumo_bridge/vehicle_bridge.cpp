@@ -24,7 +24,6 @@ constexpr int kNoLaneChanges = 0;
 
 constexpr double kFar = 1e9;
 constexpr double kDeadEndView = 30.0;   // [m]
-constexpr double kRescueAfter = 30.0;   // [s] of standing before a lane's end for want of a lane change.
 constexpr double kLaneEndZone = 10.0;   // [m]
 constexpr double kStandingSpeed = 0.1;  // [m/s]
 constexpr double kStopMargin = 20.0;    // [m] beyond braking distance at which a planned stop is SUMO's.
@@ -237,7 +236,7 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
       ReadNative(row, lane, s, speed, dt, traffic);
       if (coupled_[row].handed_back) audit_.Count(AuditCause::kHandedBack, 0.0, 0.0);
     }
-    UpdateStops(row, dt, traffic);
+    UpdateStops(row, traffic);
     traffic->driven[row] = traffic->policy[row] != Policy::kSumo && !coupled_[row].handed_back;
     emissions_[row] = {SumoVehicle::getCO2Emission(id), SumoVehicle::getNOxEmission(id),
                        SumoVehicle::getPMxEmission(id), SumoVehicle::getFuelConsumption(id),
@@ -298,9 +297,18 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
   now.speed_ref[row] = speed;
   now.steering_angle[row] = 0.0;
   now.curvature[row] = point.curvature;
-  now.lane_change[row] = now.blinker[row] = 0;
-  now.urgent[row] = 0;
   now.speed_pid[row] = now.steering_pid[row] = {};
+  // What it asks of its neighbours follows from its route, as an agent's does.
+  const int changes = traffic->plan[row] == nullptr ? 0 : ChangesNeeded(row, *traffic);
+  now.blinker[row] = static_cast<std::int8_t>(std::clamp(changes, -1, 1));
+  now.urgent[row] = changes != 0;
+}
+
+int VehicleBridge::ChangesNeeded(std::size_t row, const Traffic& traffic) const {
+  const Lane& lane = network_.lanes[traffic.now.lane[row]];
+  const RoutePlan& plan = *traffic.plan[row];
+  const auto position = static_cast<std::size_t>(traffic.route_position[row]);
+  return lane.internal || plan.route()[position] != lane.edge ? 0 : plan.At(position, lane.index).changes;
 }
 
 void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt,
@@ -331,7 +339,7 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
                  y = from.y + now.d[row] * std::cos(from.heading);
     now.d[row] = (y - to.y) * std::cos(to.heading) - (x - to.x) * std::sin(to.heading);
     now.heading_error[row] = WrapAngle(now.heading_error[row] + from.heading - to.heading);
-    now.lane_change[row] = now.blinker[row] = 0;
+    now.blinker[row] = 0;
     now.urgent[row] = 0;
     now.since_change[row] = 0.0f;
     now.steering_pid[row] = {};
@@ -362,17 +370,6 @@ double VehicleBridge::DistanceToDeadEnd(std::size_t row, const Traffic& traffic)
     lane = next;
   }
   return kFar;
-}
-
-bool VehicleBridge::NeedsRescue(std::size_t row, double dt, const Traffic& traffic) {
-  Coupled& coupled = coupled_[row];
-  const bool stands =
-      traffic.now.speed[row] < kStandingSpeed && DistanceToDeadEnd(row, traffic) < kDeadEndView;
-  coupled.stuck_time = stands ? coupled.stuck_time + dt : 0.0;
-  if (coupled.stuck_time < kRescueAfter) return false;
-  ++rescues_;
-  coupled.stuck_time = 0.0;
-  return true;
 }
 
 void VehicleBridge::Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic) {
@@ -410,13 +407,12 @@ void VehicleBridge::Audit(std::size_t row, LaneIndex lane, double s, double spee
   audit_.Count(cause, position_error, std::abs(speed - coupled.commanded_speed));
 }
 
-void VehicleBridge::UpdateStops(std::size_t row, double dt, Traffic* traffic) {
+void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   Coupled& coupled = coupled_[row];
   traffic->stop_distance[row] = kFar;
   traffic->stop_lane[row] = kNone;
   traffic->hazard[row] = 0;
-  const bool rescue = !coupled.handed_back && coupled.commanded && NeedsRescue(row, dt, *traffic);
-  if (coupled.stops.empty() && !coupled.handed_back && !rescue) return;
+  if (coupled.stops.empty() && !coupled.handed_back) return;
   const std::string& id = records_[row].id;
   const bool native = !coupled.commanded;
   if (native) {
@@ -453,9 +449,8 @@ void VehicleBridge::UpdateStops(std::size_t row, double dt, Traffic* traffic) {
   }
   const double speed = traffic->now.speed[row];
   const double braking = speed * speed / (2.0 * params_.driving.comfort_decel) + 2.0 * speed;
-  // After a stop in a bay or on a bus lane, and where an agent has no room left to change lanes, SUMO brings
-  // the vehicle to a lane that leads on.
-  const bool hand_back = rescue || traffic->hazard[row] != 0 ||
+  // After a stop in a bay or on a bus lane SUMO brings the vehicle to a lane that leads on.
+  const bool hand_back = traffic->hazard[row] != 0 ||
                          traffic->stop_distance[row] < braking + kStopMargin ||
                          (coupled.handed_back && DistanceToDeadEnd(row, *traffic) < kDeadEndView);
   if (hand_back == coupled.handed_back) return;

@@ -73,9 +73,6 @@ class VehicleBridge {
   std::int64_t emergency_stops() const { return emergency_stops_; }
   /// Halts of an agent within 10 m of the end of a lane that does not lead along its route.
   std::int64_t lane_end_halts() const { return lane_end_halts_; }
-  /// Agents that stood 30 s for want of a lane change and were handed to SUMO, which changes lanes without
-  /// room.
-  std::int64_t rescues() const { return rescues_; }
   std::size_t pending() const;
   /// Feeds the motion of every vehicle, in row order.
   void HashState(const Traffic& traffic, StateHash* hash) const;
@@ -90,12 +87,11 @@ class VehicleBridge {
     std::string route_id;
     std::vector<Stop> stops;  // Planned, next first.
     VehicleClassMask class_mask{0};
-    bool handed_back{false};    // SUMO drives it (planned stop, or no room to change lanes).
+    bool handed_back{false};    // SUMO drives it: planned stop.
     bool commanded{false};      // The last Write commanded it.
     bool checks_on{false};      // Speed mode 31 is set.
     bool route_changed{false};  // Since the last command.
     bool halted_at_lane_end{false};
-    double stuck_time{0.0};  // [s] standing before a dead end.
     std::int8_t change_commanded{0};
     LaneIndex expected_lane{kNone};  // Where the command should lead.
     double expected_s{0.0};          // [m]
@@ -110,14 +106,14 @@ class VehicleBridge {
   void ReadPersons(double time, Traffic* traffic);
   void FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic);
   void Replan(std::size_t row, Traffic* traffic);
-  void UpdateStops(std::size_t row, double dt, Traffic* traffic);
+  void UpdateStops(std::size_t row, Traffic* traffic);
   void Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic);
   void Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic);
   void SetChecks(std::size_t row, bool on);
   /// [m] to the end of the first lane on the way that does not lead along the route; huge if none is near.
   double DistanceToDeadEnd(std::size_t row, const Traffic& traffic) const;
-  /// Has an agent stood too long before the end of a lane that does not lead on?
-  bool NeedsRescue(std::size_t row, double dt, const Traffic& traffic);
+  /// Lane changes to the best lane for the vehicle's route: > 0 to the left, < 0 to the right.
+  int ChangesNeeded(std::size_t row, const Traffic& traffic) const;
   bool NeedsGuard(std::size_t row, const Traffic& traffic) const;
   const RoutePlan* PlanFor(const std::vector<std::string>& edges, VehicleClassMask vehicle_class);
   Policy PolicyOf(const std::string& id, const std::string& type, const std::string& vehicle_class);
@@ -141,7 +137,7 @@ class VehicleBridge {
   std::unordered_map<std::string, std::string> type_policy_;
   std::unordered_map<std::string, std::int32_t> person_number_;
   CouplingAudit audit_;
-  std::int64_t teleports_{0}, emergency_stops_{0}, lane_end_halts_{0}, rescues_{0};
+  std::int64_t teleports_{0}, emergency_stops_{0}, lane_end_halts_{0};
   std::int64_t step_{0};
 };
 

@@ -81,7 +81,6 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
             "<= native", a.collisions_in_junctions <= n.collisions_in_junctions);
   table.Row("halts at a lane's end for want of a change", "-", count(report.lane_end_halts), "0",
             report.lane_end_halts == 0);
-  table.Row("handed to SUMO for want of a change", "-", count(report.rescues), "", true);
   table.Row("near misses (TTC < 1.5 s)", count(n.near_misses), count(a.near_misses), "", true);
   table.Row("CO2 [g/km]", fmt::format("{:.1f}", n.co2_g_per_km.value_or(0.0)),
             fmt::format("{:.1f}", a.co2_g_per_km.value_or(0.0)), "", true);

@@ -93,7 +93,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   return info;
 }
 
-std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_end_halts, std::int64_t rescues,
+std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_end_halts,
                                 std::int64_t emergency_stops) {
   std::vector<AuditRow> rows;
   for (std::size_t i = 0; i < kAuditCauses; ++i) {
@@ -103,7 +103,6 @@ std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_en
         {std::string(kAuditCauseNames[i]), count.different, count.max_position_error, count.max_speed_error});
   }
   rows.push_back({"lane_end_halts", lane_end_halts, std::nullopt, std::nullopt});
-  rows.push_back({"lane_change_rescues", rescues, std::nullopt, std::nullopt});
   rows.push_back({"sumo_emergency_stops", emergency_stops, std::nullopt, std::nullopt});
   return rows;
 }
@@ -187,9 +186,8 @@ RunReport Run(const RunConfig& config) {
   outcome.policy_shares = recorder.policy_shares();
   report.audit = bridge.audit();
   report.lane_end_halts = bridge.lane_end_halts();
-  report.rescues = bridge.rescues();
   report.emergency_stops = bridge.emergency_stops();
-  outcome.audit = AuditRows(report.audit, report.lane_end_halts, report.rescues, report.emergency_stops);
+  outcome.audit = AuditRows(report.audit, report.lane_end_halts, report.emergency_stops);
   if (writer) {
     report.run_id = writer->run_id();
     writer->Finish(outcome);

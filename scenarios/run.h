@@ -15,7 +15,6 @@ struct RunReport {
   CouplingAudit audit;
   std::int64_t run_id{0};  ///< In the results file; 0 without one.
   std::int64_t lane_end_halts{0};
-  std::int64_t rescues{0};  ///< Agents handed to SUMO for want of a lane change.
   std::int64_t emergency_stops{0};
   double agent_time{0.0};     ///< [s] wall time in the agents' step.
   double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.

@@ -17,6 +17,10 @@ constexpr double kCrawlSpeed = 1.0;
 constexpr double kStandingGap = 0.2;
 /// [m] before its lane's end a vehicle is let in; further back it has time to find a gap itself.
 constexpr double kLetInZone = 150.0;
+/// [m] to a standing leader from which the ego can steer around its corner.
+constexpr double kTurnOutRoom = 5.0;
+/// [m] of its body a vehicle may have on the neighbour lane and still begin another change.
+constexpr double kBodyOver = 0.5;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -90,6 +94,11 @@ bool GapAccepted(const Ego& ego, const Leader& ahead, const Leader& behind, doub
           behind.speed <= SafeSpeed(behind.gap - min_behind, ego.speed, decel, reaction) + 0.3);
 }
 
+/// Can the ego's body leave its lane soon? Not behind one that stands close ahead of it.
+bool CanTurnOut(const Leader& leader) {
+  return leader.row == kNone || leader.gap > kTurnOutRoom || leader.speed > 2.0;
+}
+
 /// MOBIL incentive [m/s^2] for the neighbour lane.
 double Advantage(const Ego& ego, const Leader& leader, const Leader& ahead, const Leader& behind,
                  double limit_there) {
@@ -143,8 +152,8 @@ bool PassWithinLane(const Ego& ego, const Leader& hazard, double* target_d) {
   return true;
 }
 
-/// Makes room for the nearest vehicle ahead on a neighbour lane that must come over. One vehicle an
-/// edge, so lanes merge like a zipper and nobody starves.
+/// Makes room for the nearest vehicle ahead on a neighbour lane that must come over: one an edge, so that
+/// lanes merge like a zipper, and whoever stands at its lane's end, where it blocks all behind it.
 void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
   const Traffic& traffic = *ego.world.traffic;
   const double leader_front = leader.row == kNone ? 1e9 : leader.gap + traffic.params[leader.row].length;
@@ -163,7 +172,9 @@ void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
       // Beside a vehicle that stands, waiting makes no room: who is further back lets it in.
       if (gap < kStandingGap && traffic.now.speed[other.row] < kCrawlSpeed) continue;
       const std::int32_t number = traffic.number[other.row];
-      if (tactics->yielded_to != kNone && tactics->yielded_to != number) break;
+      const bool blocks_its_lane = traffic.now.speed[other.row] < kCrawlSpeed &&
+                                   its_lane.length - other.s < 2.0 * ego.params.lane_change.reserve;
+      if (tactics->yielded_to != kNone && tactics->yielded_to != number && !blocks_its_lane) break;
       tactics->yielded_to = number;
       const double decel = ego.params.lane_change.cooperation_decel;
       tactics->speed_cap =
@@ -189,16 +200,18 @@ void PrepareChange(const Ego& ego, const NeededChange& needed, const Neighborhoo
   }
 }
 
-/// While it goes over, the ego may use the room it kept, slowly.
-void CreepOver(const Ego& ego, const NeededChange& needed, Tactics* tactics) {
-  constexpr double kCreepSpeed = 4.0, kLastRoom = 3.0;  // [m/s], [m]
-  const double brake = SafeSpeed(needed.remaining - kLastRoom, 0.0, ego.params.driving.comfort_decel, 0.5);
-  const double reserve = std::min(ego.params.lane_change.reserve, 0.5 * ego.lane.length);
-  const double to_reserve = SafeSpeed(needed.remaining - reserve, 0.0, ego.params.driving.comfort_decel, 0.5);
-  tactics->speed_cap = std::min(brake, std::max(to_reserve, kCreepSpeed));
+/// Until the ego's body has come over it goes slowly near the lane's end, where it may still be in the
+/// way of others, or on a lane that ends.
+void ComeOver(const Ego& ego, Tactics* tactics) {
+  constexpr double kCreepSpeed = 4.0;  // [m/s]
+  const double to_end = ego.lane.length - ego.s - ego.params.lane_change.reserve;
+  const double brake = SafeSpeed(to_end, 0.0, ego.params.driving.comfort_decel, 0.5);
+  tactics->speed_cap = std::min(tactics->speed_cap, std::max(brake, kCreepSpeed));
+  tactics->blinker = ego.d < 0.0 ? 1 : -1;
 }
 
-/// Goes on with, gives up or begins a change to `side`.
+/// Comes over after a change, or begins one. A vehicle belongs to its new lane from the moment it has
+/// accepted the gap: whoever follows there keeps it open while the body comes over.
 void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& leader, Tactics* tactics) {
   const LaneChangeParams& p = ego.params.lane_change;
   const double to_lane_end = ego.lane.length - ego.s;
@@ -208,24 +221,8 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
   const bool too_late =
       to_lane_end < 3.0 + 1.2 * ego.speed && !(urgent && needed.remaining <= to_lane_end + 1.0);
 
-  const int under_way = ego.now().lane_change[ego.row];
-  if (under_way != 0) {
-    const LaneIndex neighbor = UsableNeighbor(ego, under_way);
-    if (neighbor == kNone || to_lane_end < 1.0 + 0.3 * ego.speed) return;
-    const Neighborhood beside = LookBeside(ego, neighbor);
-    const bool inside = ego.d * under_way > ego.HalfSpan();
-    const bool unsafe = beside.behind.row != kNone &&
-                        (beside.behind.gap < 0.3 ||
-                         beside.behind.speed > SafeSpeed(beside.behind.gap, ego.speed, 6.0, 0.2) + 0.5);
-    const bool runs_up =
-        beside.ahead.row != kNone &&
-        ego.speed > SafeSpeed(beside.ahead.gap - kStandingGap, beside.ahead.speed, 6.0, 0.3) + 0.5;
-    if ((unsafe || runs_up) && !inside) return;
-    tactics->lane_change = static_cast<std::int8_t>(under_way);
-    tactics->blinker = tactics->lane_change;
-    tactics->urgent = urgent;
-    tactics->target_d = under_way * Spacing(ego, neighbor);
-    if (urgent) CreepOver(ego, needed, tactics);
+  if (std::abs(ego.d) > ego.HalfSpan() + kBodyOver) {
+    ComeOver(ego, tactics);
     return;
   }
 
@@ -237,15 +234,21 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     Neighborhood beside;
     if (neighbor != kNone) beside = LookBeside(ego, neighbor);
     PrepareChange(ego, needed, beside, urgency, tactics);
-    if (neighbor != kNone && !too_late && GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
+    tactics->speed_cap = std::min(
+        tactics->speed_cap,
+        FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap), leader.speed,
+                    ego.params.driving.comfort_decel));
+    if (neighbor != kNone && !too_late && CanTurnOut(leader) && GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
       tactics->lane_change = static_cast<std::int8_t>(needed.side);
       tactics->target_d = needed.side * Spacing(ego, neighbor);
-      CreepOver(ego, needed, tactics);
     }
     return;
   }
 
-  if (too_late || ego.now().since_change[ego.row] < kChangePause || ego.speed < 0.5) return;
+  if (too_late || ego.now().since_change[ego.row] < kChangePause || ego.speed < 0.5 ||
+      !CanTurnOut(leader)) {
+    return;
+  }
   for (const int side : {+1, -1}) {
     const LaneIndex neighbor = UsableNeighbor(ego, side);
     if (neighbor == kNone) continue;
@@ -308,8 +311,8 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
     tactics.speed_cap =
         std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));
   }
-  tactics.corridor_min = std::min({-span, tactics.target_d, std::max(ego.d, -lane.width)});
-  tactics.corridor_max = std::max({span, tactics.target_d, std::min(ego.d, lane.width)});
+  tactics.corridor_min = std::min({-span, tactics.target_d, std::max(ego.d, -1.5 * lane.width)});
+  tactics.corridor_max = std::max({span, tactics.target_d, std::min(ego.d, 1.5 * lane.width)});
   return tactics;
 }
 

@@ -8,6 +8,9 @@
 namespace lanewise {
 namespace {
 
+/// [m/s] below which a road user stands, or only creeps.
+constexpr double kStanding = 0.1, kCreeping = 0.5;
+
 /// The lane a junction's internal lane leads to: its next part, or the lane behind the junction.
 LaneIndex NextOfInternal(const RoadNetwork& network, const Lane& lane) {
   if (lane.outgoing.empty()) return kNone;
@@ -101,11 +104,14 @@ void SamplePath(const World& world, const WayAhead& way, double horizon, RoadVie
   }
 }
 
-/// Places road user `row` in the frame of the path.
-Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
-  const Traffic& traffic = *world.traffic;
-  const float x = static_cast<float>(world.center_x[row] - view.origin_x);
-  const float y = static_cast<float>(world.center_y[row] - view.origin_y);
+/// A point in the frame of the path.
+struct OnPath {
+  float s, d;
+  float cos_heading, sin_heading;  // Of the path's tangent there.
+};
+
+/// Projects a point, given relative to the view's origin, on the tangent of the nearest node.
+OnPath Project(const RoadView& view, float x, float y) {
   int nearest = 0;
   float best = 1e30f;
   for (int n = 0; n < kNodesBehind + kPathNodes; ++n) {
@@ -118,24 +124,48 @@ Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
   }
   const float c = view.cos_heading[nearest], s = view.sin_heading[nearest];
   const float dx = x - view.x[nearest], dy = y - view.y[nearest];
-  const float heading_x = static_cast<float>(std::cos(traffic.now.heading[row]));
-  const float heading_y = static_cast<float>(std::sin(traffic.now.heading[row]));
-  const float along = heading_x * c + heading_y * s;   // cos of the relative heading.
-  const float across = heading_y * c - heading_x * s;  // sin of it.
-  const float half_length = static_cast<float>(0.5 * traffic.params[row].length);
-  const float half_width = static_cast<float>(0.5 * traffic.params[row].width);
-  const float speed = static_cast<float>(traffic.now.speed[row]);
-  Obstacle obstacle;
-  obstacle.s = view.s[nearest] + dx * c + dy * s;
-  obstacle.d = dy * c - dx * s;
-  obstacle.half_length = half_length * std::abs(along) + half_width * std::abs(across);
-  obstacle.half_width = half_length * std::abs(across) + half_width * std::abs(along);
-  // It moves along its course, which in a bend is not its heading.
+  return {view.s[nearest] + dx * c + dy * s, dy * c - dx * s, c, s};
+}
+
+/// Places road user `row` in the frame of the path. Of one that goes along the path both ends are projected:
+/// in a bend the frame turns along the body, and a neighbour that keeps to its lane neither widens nor
+/// drifts.
+Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
+  constexpr float kGoesAlong = 0.6f;  // Cosine.
+  const Traffic& traffic = *world.traffic;
   const VehicleParams& params = traffic.params[row];
+  const float half_length = static_cast<float>(0.5 * params.length);
+  const float half_width = static_cast<float>(0.5 * params.width);
+  const float cos_heading = static_cast<float>(std::cos(traffic.now.heading[row]));
+  const float sin_heading = static_cast<float>(std::sin(traffic.now.heading[row]));
+  const float x = static_cast<float>(world.center_x[row] - view.origin_x);
+  const float y = static_cast<float>(world.center_y[row] - view.origin_y);
+  OnPath at = Project(view, x, y);
+  float along = cos_heading * at.cos_heading + sin_heading * at.sin_heading;    // cos of the relative heading.
+  float across = sin_heading * at.cos_heading - cos_heading * at.sin_heading;  // sin of it.
+  Obstacle obstacle;
+  if (along > kGoesAlong) {
+    const OnPath front = Project(view, x + half_length * cos_heading, y + half_length * sin_heading);
+    const OnPath rear = Project(view, x - half_length * cos_heading, y - half_length * sin_heading);
+    obstacle.s = 0.5f * (front.s + rear.s);
+    obstacle.d = 0.5f * (front.d + rear.d);
+    obstacle.half_length = 0.5f * std::abs(front.s - rear.s) + half_width * std::abs(across);
+    obstacle.half_width = 0.5f * std::abs(front.d - rear.d) + half_width * along;
+    // The front follows the road: its motion is told by the tangent there.
+    along = cos_heading * front.cos_heading + sin_heading * front.sin_heading;
+    across = sin_heading * front.cos_heading - cos_heading * front.sin_heading;
+  } else {
+    obstacle.s = at.s;
+    obstacle.d = at.d;
+    obstacle.half_length = half_length * std::abs(along) + half_width * std::abs(across);
+    obstacle.half_width = half_length * std::abs(across) + half_width * std::abs(along);
+  }
+  // It moves along its course, which in a bend is not its heading.
   const float slip = traffic.driven[row]
                          ? static_cast<float>(SlipAngle(traffic.now.steering_angle[row], params.wheelbase,
                                                         params.rear_axle_to_front))
                          : 0.0f;
+  const float speed = static_cast<float>(traffic.now.speed[row]);
   obstacle.speed_s = speed * (along * std::cos(slip) - across * std::sin(slip));
   obstacle.speed_d = speed * (across * std::cos(slip) + along * std::sin(slip));
   obstacle.along = along;
@@ -147,6 +177,19 @@ Obstacle Project(const World& world, AgentIndex row, const RoadView& view) {
 bool IsOnWay(const WayAhead& way, LaneIndex lane) {
   return std::any_of(way.lanes.begin(), way.lanes.begin() + way.count,
                      [lane](const LaneAhead& ahead) { return ahead.lane == lane; });
+}
+
+bool IsInJunction(const World& world, AgentIndex row) {
+  const LaneIndex lane = world.traffic->now.lane[row];
+  return lane != kNone && world.network->lanes[lane].internal;
+}
+
+/// Neither on the ego's way nor beside it on the same road.
+bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
+  const auto& lanes = world.network->lanes;
+  const LaneIndex lane = world.traffic->now.lane[row];
+  if (lane == kNone || IsOnWay(way, lane)) return false;
+  return lanes[lane].internal || lanes[lane].edge != lanes[world.traffic->now.lane[ego]].edge;
 }
 
 /// Keeps the nearest kMaxObstacles.
@@ -205,21 +248,23 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (row == ego) return;
     const double dx = world.center_x[row] - center_x, dy = world.center_y[row] - center_y;
     if (dx * dx + dy * dy > radius * radius) return;
-    Obstacle obstacle = Project(world, row, *view);
+    Obstacle obstacle = Place(world, row, *view);
     if (std::abs(obstacle.d) > reach_across + obstacle.half_width) return;
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
     obstacle.soft = false;
-    if (!crossing_traffic && !obstacle.hazard) {
-      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it. Persons
-      // who stand at a crossing wait for us to go.
-      const bool stands = world.traffic->now.speed[row] < 0.1;
-      const LaneIndex lane = world.traffic->now.lane[row];
-      if (!person && obstacle.along <= 0.5f && !stands) return;
-      const bool creeps = world.traffic->now.speed[ego] < 1.5;
-      obstacle.soft =
-          stands && ((person && creeps) ||
-                     (lane != kNone && world.network->lanes[lane].internal && !IsOnWay(way, lane)));
+    if (!obstacle.hazard) {
+      const double speed = world.traffic->now.speed[row];
+      const bool stands = speed < kStanding;
+      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it.
+      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands) return;
+      if (person) {  // Persons who stand at a crossing wait for us to go.
+        obstacle.soft = !crossing_traffic && stands && world.traffic->now.speed[ego] < 1.5;
+      } else if (IsOnOtherRoad(world, ego, row, way)) {
+        // Two who wait for each other where the net sees no conflict: the elder goes.
+        const bool elder = world.traffic->number[ego] < world.traffic->number[row];
+        obstacle.soft = (!crossing_traffic && stands && IsInJunction(world, row)) || (speed < kCreeping && elder);
+      }
     }
     Keep(obstacle, view);
   });
