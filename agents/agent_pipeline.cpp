@@ -20,6 +20,9 @@ constexpr std::size_t kMinParallelAgents = 64;
 constexpr double kStandingSpeed = 0.05;
 constexpr double kQueueGap = 0.6;
 
+/// [m/s] below which steering does not move the vehicle sideways.
+constexpr double kSteersFrom = 0.5;
+
 /// Speed [m/s] the ego wants without other traffic: limits, bends and speed limits ahead.
 double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving, const WayAhead& way) {
   const Traffic& traffic = *world.traffic;
@@ -71,7 +74,10 @@ double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, 
   const double reach = std::max(params.driving.tracking_distance, speed * params.driving.tracking_time);
   const PidGains gains{params.control.steering_kp, params.control.steering_ki, params.control.steering_kd,
                        params.control.derivative_filter, params.driving.max_course_angle};
+  const double integral = pid->integral;
   const double course = StepPid(gains, lateral_error / reach, dt, pid);
+  // Standing, no steering changes the error: it must not wind the integral up.
+  if (speed < kSteersFrom) pid->integral = integral;
   const double max_slip =
       SlipAngle(vehicle.max_steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
   const double slip = std::clamp(course - heading_error, -max_slip, max_slip);

@@ -10,6 +10,8 @@ namespace {
 
 /// [s] between the points at which a rollout is checked against what moves beside the ego.
 constexpr float kCheckPeriod = 0.2f;
+/// [s] for which a lateral motion is taken to go on: those who drive steer back, or into their new lane.
+constexpr float kDriftTime = 1.0f;
 /// Courses are simulated in groups that fill vector registers.
 int RoundUp(int count) {
   return (count + 15) / 16 * 16;
@@ -98,8 +100,8 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
-    if (o.soft || o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
-    const float drift = std::abs(o.speed_d) * static_cast<float>(params.dwa.horizon);
+    if (o.forgiven > 0.0f || o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
+    const float drift = std::abs(o.speed_d) * kDriftTime;
     if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort)
       continue;
     const float left_now = std::max(courses.front[0][0], courses.rear[0][0]) + half_width;
@@ -114,8 +116,9 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
         if (obstacle_s + o.half_length < front - ego_length || obstacle_s - o.half_length > front) continue;
         const int n = std::min(kPathNodes - 1, static_cast<int>(front / view.spacing));
         // Room between the centre lines: half the ego's width is taken off here once for all courses.
-        const float obstacle_left = o.d + o.speed_d * t + o.half_width - allowance + half_width;
-        const float obstacle_right = o.d + o.speed_d * t - o.half_width + allowance - half_width;
+        const float obstacle_d = o.d + o.speed_d * std::min(t, kDriftTime);
+        const float obstacle_left = obstacle_d + o.half_width - allowance + half_width;
+        const float obstacle_right = obstacle_d - o.half_width + allowance - half_width;
         float* clearance = scratch->blocked_clearance[i];
         const float* ego_front = courses.front[n];
         const float* ego_rear = courses.rear[n];
@@ -244,23 +247,19 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
       const float gap_right = low - obstacle_left, gap_left = obstacle_right - high;
       return gap_right > gap_left ? gap_right : gap_left;
     };
-    if (o.soft) {  // Costs nearness, never the way.
-      for (int j = 0; j < padded; ++j)
-        courses->clearance[j] = std::max(margin, std::min(courses->clearance[j], lateral_gap_of(j)));
-      continue;
-    }
     const float comfort_speed = static_cast<float>(comfort), safe_speed = static_cast<float>(safe);
+    const float least_gap = margin - o.forgiven;
 #pragma omp simd
     for (int j = 0; j < padded; ++j) {
       const float lateral_gap = lateral_gap_of(j);
-      const bool in_course = lateral_gap < margin;
+      const bool in_course = lateral_gap < least_gap;
       const float comfort_j = courses->comfort_speed[j], safe_j = courses->safe_speed[j],
                   clear_j = courses->clearance[j];
       courses->comfort_speed[j] = in_course && comfort_speed < comfort_j ? comfort_speed : comfort_j;
       courses->safe_speed[j] = in_course && safe_speed < safe_j ? safe_speed : safe_j;
       courses->clearance[j] = !in_course && lateral_gap < clear_j ? lateral_gap : clear_j;
     }
-    if (lateral_gap_of(0) < margin && gap < courses->leader_gap) {
+    if (lateral_gap_of(0) < least_gap && gap < courses->leader_gap) {
       courses->leader_gap = gap;
       courses->leader_speed = std::max(0.0f, o.speed_s);
     }
@@ -278,8 +277,9 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   const float free_speed = static_cast<float>(std::max(1.0, c.free_speed));
   const float margin = Margin(w, c), comfort = static_cast<float>(w.clearance_comfort);
   const float slowest = profiles.next_speed[1], fastest = profiles.next_speed[profiles.count - 1];
-  float best_cost = std::numeric_limits<float>::infinity();
-  Plan plan{-c.vehicle->max_decel, c.d, PlanStatus::kNoFeasibleCommand};
+  const auto nearness = [&](float clearance) { return std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f)); };
+  float best_cost = std::numeric_limits<float>::infinity(), widest = -std::numeric_limits<float>::infinity();
+  Plan plan{-c.vehicle->max_decel, c.d, PlanStatus::kNoFeasibleCommand}, squeezed = plan;
   for (int j = 0; j < courses.count; ++j) {
     const float reference = courses.comfort_speed[j];
     const float path_cost =
@@ -289,12 +289,18 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
     const float reachable = std::clamp(reference, slowest, fastest);
     for (int i = 0; i < profiles.count; ++i) {
       const float speed = profiles.next_speed[i];
-      const float clearance = std::min(courses.clearance[j], scratch->blocked_clearance[i][j]);
-      if (clearance < margin || speed > courses.safe_speed[j] + 1e-4f) continue;
+      if (speed > courses.safe_speed[j] + 1e-4f) continue;
+      const float beside = scratch->blocked_clearance[i][j], clearance = std::min(courses.clearance[j], beside);
+      if (beside < margin) {
+        if (j == 0 && beside > widest) {
+          widest = beside;
+          squeezed.accel = profiles.accel[i];
+        }
+        continue;
+      }
       const float cost = path_cost +
                          static_cast<float>(w.speed_weight) * std::abs(speed - reachable) / free_speed +
-                         static_cast<float>(w.clearance_weight) *
-                             std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f)) +
+                         static_cast<float>(w.clearance_weight) * nearness(clearance) +
                          static_cast<float>(w.comfort_weight) * std::abs(profiles.accel[i]) /
                              static_cast<float>(c.vehicle->max_decel);
       if (cost < best_cost) {
@@ -303,7 +309,8 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
       }
     }
   }
-  return plan;
+  // Squeezed from the side, braking is of use only where it gives more room.
+  return plan.status == PlanStatus::kOk ? plan : squeezed;
 }
 
 Plan PlanIdm(const AgentParams& params, const PlanContext& c, PlanScratch* scratch) noexcept {

@@ -8,8 +8,10 @@
 namespace lanewise {
 namespace {
 
-/// [m/s] below which a road user stands, or only creeps.
-constexpr double kStanding = 0.1, kCreeping = 0.5;
+/// [m/s] below which a road user stands, or only creeps, or walks.
+constexpr double kStanding = 0.1, kCreeping = 0.5, kWalkingSpeed = 1.5;
+/// [m] of overlap forgiven.
+constexpr float kALittle = 0.6f, kWholly = 1e3f;
 
 /// The lane a junction's internal lane leads to: its next part, or the lane behind the junction.
 LaneIndex NextOfInternal(const RoadNetwork& network, const Lane& lane) {
@@ -252,18 +254,26 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (std::abs(obstacle.d) > reach_across + obstacle.half_width) return;
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
-    obstacle.soft = false;
+    obstacle.forgiven = 0.0f;
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
       const bool stands = speed < kStanding;
       // SUMO decides who goes first; but what stands is in the way, outside the junction and in it.
       if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands) return;
+      const bool creeping = world.traffic->now.speed[ego] < kWalkingSpeed;
       if (person) {  // Persons who stand at a crossing wait for us to go.
-        obstacle.soft = !crossing_traffic && stands && world.traffic->now.speed[ego] < 1.5;
+        if (!crossing_traffic && stands && creeping) obstacle.forgiven = kWholly;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
-        // Two who wait for each other where the net sees no conflict: the elder goes.
+        // Who stands in the junction, on another way through it, may reach a little into ours. Where that
+        // would block us, or where two wait for each other and the net sees no conflict, the shapes of the
+        // lanes overlap: we creep by, the elder first.
+        const bool waits_inside = !crossing_traffic && stands && IsInJunction(world, row);
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
-        obstacle.soft = (!crossing_traffic && stands && IsInJunction(world, row)) || (speed < kCreeping && elder);
+        if (creeping && (waits_inside || (speed < kCreeping && elder))) {
+          obstacle.forgiven = kWholly;
+        } else if (waits_inside) {
+          obstacle.forgiven = kALittle;
+        }
       }
     }
     Keep(obstacle, view);

@@ -71,7 +71,8 @@ struct Obstacle {
   float speed_s, speed_d;         ///< [m/s]
   float along;                    ///< Cosine of its heading to the path's.
   AgentIndex row;
-  bool soft;    ///< Stands in a junction across our way: kept clear of where there is room, not waited for.
+  /// [m] of lateral overlap that does not stop us: kept clear of where there is room, not waited for.
+  float forgiven;
   bool hazard;  ///< Stands with hazard lights, or is a person: may be passed at any time.
 };
 
