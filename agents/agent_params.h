@@ -20,7 +20,7 @@ struct DwaParams {
 
 /// What an agent wants and tolerates on the road, whatever its policy.
 struct DrivingParams {
-  double comfort_decel{3.0};
+  double comfort_decel{4.0};
   double max_lateral_accel{5.5};
   double tracking_time{0.9};
   double tracking_distance{3.0};
@@ -84,7 +84,7 @@ struct AgentParams {
           "clearance beyond which an obstacle no longer costs", "own choice");
     field("driving.comfort_decel", p.driving.comfort_decel, "m/s^2", Range{0.5, 9},
           "braking an agent plans with; it may use its type's decel and emergency decel when it must",
-          "ISO 15622 comfort limit 3.5");
+          "between the ISO 15622 comfort limit, 3.5, and SUMO's decel for cars, 4.5");
     field("driving.max_lateral_accel", p.driving.max_lateral_accel, "m/s^2", Range{0.5, 9},
           "sets the speed in bends: v = sqrt(a / curvature)", "netconvert --junctions.limit-turn-speed 5.5");
     field("driving.tracking_time", p.driving.tracking_time, "s", Range{0.2, 5},

@@ -10,8 +10,6 @@ namespace {
 
 /// [s] between the points at which a rollout is checked against what moves beside the ego.
 constexpr float kCheckPeriod = 0.2f;
-/// [s] for which a lateral motion is taken to go on: those who drive steer back, or into their new lane.
-constexpr float kDriftTime = 1.0f;
 /// Courses are simulated in groups that fill vector registers.
 int RoundUp(int count) {
   return (count + 15) / 16 * 16;
@@ -44,19 +42,33 @@ float Margin(const DwaParams& params, const PlanContext& c) {
   return static_cast<float>(params.clearance_margin * std::clamp(c.speed / 5.0, 0.0, 1.0));
 }
 
-/// Smallest and largest value of each course from each node to the last.
-void RangeFromNodeOn(const float (&value)[kPathNodes][kMaxCourses], int padded,
+/// Smallest and largest value of each course over `window` nodes from each node on.
+void RangeFromNodeOn(const float (&value)[kPathNodes][kMaxCourses], int padded, int window,
                      float (&min)[kPathNodes][kMaxCourses], float (&max)[kPathNodes][kMaxCourses]) {
-  std::copy_n(value[kPathNodes - 1], padded, min[kPathNodes - 1]);
-  std::copy_n(value[kPathNodes - 1], padded, max[kPathNodes - 1]);
-  for (int n = kPathNodes - 2; n >= 0; --n) {
+  for (int n = 0; n < kPathNodes; ++n) {
+    std::copy_n(value[n], padded, min[n]);
+    std::copy_n(value[n], padded, max[n]);
+    for (int m = n + 1; m < std::min(kPathNodes, n + window); ++m) {
 #pragma omp simd
-    for (int j = 0; j < padded; ++j) {
-      const float here = value[n][j], min_next = min[n + 1][j], max_next = max[n + 1][j];
-      min[n][j] = here < min_next ? here : min_next;
-      max[n][j] = here > max_next ? here : max_next;
+      for (int j = 0; j < padded; ++j) {
+        const float here = value[m][j];
+        min[n][j] = here < min[n][j] ? here : min[n][j];
+        max[n][j] = here > max[n][j] ? here : max[n][j];
+      }
     }
   }
+}
+
+/// Nodes over which the ego may be beside something it reaches: its length, the thing's, and the way the
+/// thing still makes meanwhile.
+int NodesBeside(const RoadView& view, float ego_length) {
+  constexpr float kMeanwhile = 1.0f;  // [s]
+  float longest = 0.0f;
+  for (int m = 0; m < view.obstacle_count; ++m) {
+    const Obstacle& o = view.obstacles[m];
+    longest = std::max(longest, 2.0f * o.half_length + kMeanwhile * std::max(0.0f, o.speed_s));
+  }
+  return 1 + static_cast<int>(std::ceil((ego_length + longest) / view.spacing));
 }
 
 /// [m] how far left of the tangent at path node n the path lies a body length behind it. A bend's body is a
@@ -91,17 +103,17 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   const int checks = static_cast<int>(params.dwa.horizon / kCheckPeriod);
   const float half_width = static_cast<float>(0.5 * c.vehicle->width);
   float leftmost = -1e3f, rightmost = 1e3f;
-  for (int j = 0; j < courses.count; ++j) {
-    leftmost =
-        std::max({leftmost, courses.front_max[0][j] + half_width, courses.rear_max[0][j] + half_width});
-    rightmost =
-        std::min({rightmost, courses.front_min[0][j] - half_width, courses.rear_min[0][j] - half_width});
+  for (int n = 0; n < kPathNodes; n += NodesBeside(view, ego_length)) {
+    for (int j = 0; j < courses.count; ++j) {
+      leftmost = std::max({leftmost, courses.front_max[n][j] + half_width, courses.rear_max[n][j] + half_width});
+      rightmost = std::min({rightmost, courses.front_min[n][j] - half_width, courses.rear_min[n][j] - half_width});
+    }
   }
   const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
     if (o.forgiven > 0.0f || o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
-    const float drift = std::abs(o.speed_d) * kDriftTime;
+    const float drift = std::abs(o.speed_d) * o.drift_time;
     if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort)
       continue;
     const float left_now = std::max(courses.front[0][0], courses.rear[0][0]) + half_width;
@@ -116,7 +128,7 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
         if (obstacle_s + o.half_length < front - ego_length || obstacle_s - o.half_length > front) continue;
         const int n = std::min(kPathNodes - 1, static_cast<int>(front / view.spacing));
         // Room between the centre lines: half the ego's width is taken off here once for all courses.
-        const float obstacle_d = o.d + o.speed_d * std::min(t, kDriftTime);
+        const float obstacle_d = o.d + o.speed_d * std::min(t, o.drift_time);
         const float obstacle_left = obstacle_d + o.half_width - allowance + half_width;
         const float obstacle_right = obstacle_d - o.half_width + allowance - half_width;
         float* clearance = scratch->blocked_clearance[i];
@@ -199,8 +211,9 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
       heading[j] += spacing * ((mean - mean * mean * mean * (1.0f / 6.0f)) / l_r - curvature);  // sin
     }
   }
-  RangeFromNodeOn(courses->front, padded, courses->front_min, courses->front_max);
-  RangeFromNodeOn(courses->rear, padded, courses->rear_min, courses->rear_max);
+  const int window = NodesBeside(view, length);
+  RangeFromNodeOn(courses->front, padded, window, courses->front_min, courses->front_max);
+  RangeFromNodeOn(courses->rear, padded, window, courses->rear_min, courses->rear_max);
 }
 
 void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& c,
@@ -230,8 +243,7 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     if (gap <= 0.0f) continue;
     const auto [comfort, safe] = limits(gap, std::max(0.0f, o.speed_s));
     // What moves across sweeps a band until the ego is there.
-    const float drift = o.speed_d * std::min(static_cast<float>(params.dwa.horizon),
-                                             gap / std::max(1.0f, static_cast<float>(c.speed)));
+    const float drift = o.speed_d * std::min(o.drift_time, gap / std::max(1.0f, static_cast<float>(c.speed)));
     const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift) - half_width;
     const float obstacle_left = o.d + o.half_width + std::max(0.0f, drift) + half_width;
     // The front passes the obstacle from this node on, the rear a body length later.

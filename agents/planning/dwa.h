@@ -45,7 +45,7 @@ struct CourseSet {
   alignas(64) std::array<float, kMaxCourses> target;  ///< [m] lateral position aimed at.
   /// [m] lateral position of the middle of the front and of the rear bumper when the front is at path node n.
   alignas(64) float front[kPathNodes][kMaxCourses], rear[kPathNodes][kMaxCourses];
-  /// [m] range of both from node n on.
+  /// [m] range of both over the nodes, from n on, where the ego may be beside what it reaches at n.
   alignas(64) float front_min[kPathNodes][kMaxCourses], front_max[kPathNodes][kMaxCourses];
   alignas(64) float rear_min[kPathNodes][kMaxCourses], rear_max[kPathNodes][kMaxCourses];
   alignas(64) std::array<float, kMaxCourses> comfort_speed;  ///< [m/s] braking comfortably for what stands in

@@ -170,6 +170,8 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   const float speed = static_cast<float>(traffic.now.speed[row]);
   obstacle.speed_s = speed * (along * std::cos(slip) - across * std::sin(slip));
   obstacle.speed_d = speed * (across * std::cos(slip) + along * std::sin(slip));
+  // Those who drive steer back, or into their new lane; persons walk on.
+  obstacle.drift_time = row < static_cast<AgentIndex>(traffic.vehicle_count) ? 1.0f : 3.0f;
   obstacle.along = along;
   obstacle.row = row;
   obstacle.hazard = traffic.hazard[row] != 0;

@@ -69,6 +69,7 @@ struct Obstacle {
   float s, d;                     ///< [m] middle of its box.
   float half_length, half_width;  ///< [m] extent along and across the path.
   float speed_s, speed_d;         ///< [m/s]
+  float drift_time;               ///< [s] for which speed_d is taken to last.
   float along;                    ///< Cosine of its heading to the path's.
   AgentIndex row;
   /// [m] of lateral overlap that does not stop us: kept clear of where there is room, not waited for.
