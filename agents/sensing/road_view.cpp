@@ -267,13 +267,11 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         if (!crossing_traffic && stands && creeping) obstacle.forgiven = kWholly;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
-        // would block us, or where two wait for each other and the net sees no conflict, the shapes of the
-        // lanes overlap: we creep by, the elder first.
-        const bool waits_inside = !crossing_traffic && stands && IsInJunction(world, row);
+        // would block us the shapes of the lanes overlap: we creep by, of two who creep the elder first.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
-        if (creeping && (waits_inside || (speed < kCreeping && elder))) {
+        if (creeping && (stands || (speed < kCreeping && elder))) {
           obstacle.forgiven = kWholly;
-        } else if (waits_inside) {
+        } else if (stands && IsInJunction(world, row)) {
           obstacle.forgiven = kALittle;
         }
       }
