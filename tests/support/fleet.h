@@ -88,7 +88,7 @@ class Fleet {
       const double x = a.x - now.d[i] * std::sin(a.heading), y = a.y + now.d[i] * std::cos(a.heading);
       now.d[i] = (y - b.y) * std::cos(b.heading) - (x - b.x) * std::sin(b.heading);
       now.lane[i] = to;
-      now.lane_change[i] = now.blinker[i] = 0;
+      now.blinker[i] = 0;
       now.since_change[i] = 0.0f;
     }
     while (now.s[i] > network_.lanes[now.lane[i]].length) {
