@@ -39,7 +39,7 @@ SpeedProfiles MakeSpeedProfiles(const AgentParams& params, const PlanContext& c,
 
 /// [m] the gap below which a rollout is dropped: less when creeping, as drivers do.
 float Margin(const DwaParams& params, const PlanContext& c) {
-  return static_cast<float>(params.clearance_margin * std::clamp(c.speed / 5.0, 0.0, 1.0));
+  return static_cast<float>(params.clearance_margin * std::clamp(c.speed / 5.0, 0.3, 1.0));
 }
 
 /// Smallest and largest value of each course over `window` nodes from each node on.

@@ -178,22 +178,35 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   return obstacle;
 }
 
-bool IsOnWay(const WayAhead& way, LaneIndex lane) {
-  return std::any_of(way.lanes.begin(), way.lanes.begin() + way.count,
-                     [lane](const LaneAhead& ahead) { return ahead.lane == lane; });
-}
-
 bool IsInJunction(const World& world, AgentIndex row) {
   const LaneIndex lane = world.traffic->now.lane[row];
   return lane != kNone && world.network->lanes[lane].internal;
 }
 
-/// Neither on the ego's way nor beside it on the same road.
+/// The lane before the junction of an internal lane; a normal lane itself.
+LaneIndex LaneBefore(const RoadNetwork& network, LaneIndex lane) {
+  while (network.lanes[lane].internal && !network.lanes[lane].incoming.empty())
+    lane = network.connections[network.lanes[lane].incoming.front()].from;
+  return lane;
+}
+
+/// Neither on a road of the ego's way nor, in a junction, come from there.
 bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
-  const auto& lanes = world.network->lanes;
+  const RoadNetwork& network = *world.network;
   const LaneIndex lane = world.traffic->now.lane[row];
-  if (lane == kNone || IsOnWay(way, lane)) return false;
-  return lanes[lane].internal || lanes[lane].edge != lanes[world.traffic->now.lane[ego]].edge;
+  if (lane == kNone) return false;
+  const LaneIndex before = LaneBefore(network, lane);
+  const bool same_road =
+      std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& ahead) {
+        return network.lanes[ahead.lane].edge == network.lanes[lane].edge || ahead.lane == before;
+      });
+  return !same_road && before != LaneBefore(network, world.traffic->now.lane[ego]);
+}
+
+/// Does the lane of this row, at a junction, wait for a signal?
+bool HasSignal(const World& world, AgentIndex row) {
+  const Lane& lane = world.network->lanes[world.traffic->now.lane[row]];
+  return !lane.outgoing.empty() && world.network->connections[lane.outgoing.front()].signal != kNone;
 }
 
 /// Keeps the nearest kMaxObstacles.
@@ -267,11 +280,13 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         if (!crossing_traffic && stands && creeping) obstacle.forgiven = kWholly;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
-        // would block us the shapes of the lanes overlap: we creep by, of two who creep the elder first.
+        // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who
+        // waits for a signal will go.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
-        if (creeping && (stands || (speed < kCreeping && elder))) {
+        const bool waits_inside = stands && IsInJunction(world, row);
+        if (creeping && (waits_inside || (elder && speed < kCreeping && !HasSignal(world, row)))) {
           obstacle.forgiven = kWholly;
-        } else if (stands && IsInJunction(world, row)) {
+        } else if (waits_inside) {
           obstacle.forgiven = kALittle;
         }
       }
