@@ -10,6 +10,8 @@ namespace {
 
 /// [s] between the points at which a rollout is checked against what moves beside the ego.
 constexpr float kCheckPeriod = 0.2f;
+/// [m] from which a body cuts bends more than a car does.
+constexpr float kLongBody = 7.0f;
 /// Courses are simulated in groups that fill vector registers.
 int RoundUp(int count) {
   return (count + 15) / 16 * 16;
@@ -133,7 +135,7 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
         const float obstacle_right = obstacle_d - o.half_width + allowance - half_width;
         float* clearance = scratch->blocked_clearance[i];
         const float* ego_front = courses.front[n];
-        const float* ego_rear = courses.rear[n];
+        const float* ego_rear = o.parallel && ego_length < kLongBody ? ego_front : courses.rear[n];
 #pragma omp simd
         for (int j = 0; j < padded; ++j) {
           const float low = ego_front[j] < ego_rear[j] ? ego_front[j] : ego_rear[j];
@@ -251,8 +253,10 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     const int n_rear = std::min(kPathNodes - 1, n + body_nodes);
     const float* front_min = courses->front_min[n];
     const float* front_max = courses->front_max[n];
-    const float* rear_min = courses->rear_min[n_rear];
-    const float* rear_max = courses->rear_max[n_rear];
+    // A bend moves the rear of both who go abreast; a bus's moves farther.
+    const bool abreast = o.parallel && vehicle.length < kLongBody;
+    const float* rear_min = abreast ? front_min : courses->rear_min[n_rear];
+    const float* rear_max = abreast ? front_max : courses->rear_max[n_rear];
     const auto lateral_gap_of = [&](int j) {
       const float low = front_min[j] < rear_min[j] ? front_min[j] : rear_min[j];
       const float high = front_max[j] > rear_max[j] ? front_max[j] : rear_max[j];

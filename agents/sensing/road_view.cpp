@@ -10,6 +10,8 @@ namespace {
 
 /// [m/s] below which a road user stands, or only creeps, or walks.
 constexpr double kStanding = 0.1, kCreeping = 0.5, kWalkingSpeed = 1.5;
+/// Cosine of the angle to the path from which a road user goes along it.
+constexpr float kGoesAlong = 0.6f;
 /// [m] of overlap forgiven.
 constexpr float kALittle = 0.6f, kWholly = 1e3f;
 
@@ -133,7 +135,6 @@ OnPath Project(const RoadView& view, float x, float y) {
 /// in a bend the frame turns along the body, and a neighbour that keeps to its lane neither widens nor
 /// drifts.
 Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
-  constexpr float kGoesAlong = 0.6f;  // Cosine.
   const Traffic& traffic = *world.traffic;
   const VehicleParams& params = traffic.params[row];
   const float half_length = static_cast<float>(0.5 * params.length);
@@ -203,6 +204,15 @@ bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const Way
   return !same_road && before != LaneBefore(network, world.traffic->now.lane[ego]);
 }
 
+/// Is it on a road of the ego's way, or on a link beside the ego's own?
+bool IsParallel(const World& world, AgentIndex row, const WayAhead& way) {
+  const RoadNetwork& network = *world.network;
+  const LaneIndex lane = world.traffic->now.lane[row];
+  return lane != kNone && std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& a) {
+           return network.lanes[a.lane].edge == network.lanes[lane].edge && a.lane != lane;
+         });
+}
+
 /// Does the lane of this row, at a junction, wait for a signal?
 bool HasSignal(const World& world, AgentIndex row) {
   const Lane& lane = world.network->lanes[world.traffic->now.lane[row]];
@@ -270,6 +280,7 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
     obstacle.forgiven = 0.0f;
+    obstacle.parallel = obstacle.along > kGoesAlong && IsParallel(world, row, way);
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
       const bool stands = speed < kStanding;

@@ -72,6 +72,7 @@ struct Obstacle {
   float drift_time;               ///< [s] for which speed_d is taken to last.
   float along;                    ///< Cosine of its heading to the path's.
   AgentIndex row;
+  bool parallel;  ///< Drives beside our way on the same road: bends move both bodies alike.
   /// [m] of lateral overlap that does not stop us: kept clear of where there is room, not waited for.
   float forgiven;
   bool hazard;  ///< Stands with hazard lights, or is a person: may be passed at any time.
