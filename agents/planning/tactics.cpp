@@ -215,7 +215,8 @@ void ComeOver(const Ego& ego, Tactics* tactics) {
 void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& leader, Tactics* tactics) {
   const LaneChangeParams& p = ego.params.lane_change;
   const double to_lane_end = ego.lane.length - ego.s;
-  const double lookahead = needed.count * (p.lookahead_time * ego.speed_limit + p.lookahead_distance);
+  const double lookahead_per_lane = p.lookahead_time * ego.speed_limit + p.lookahead_distance;
+  const double lookahead = needed.count * lookahead_per_lane;
   const bool urgent = needed.side != 0 && needed.remaining < lookahead;
   // Too near to the junction to bring the front across the border before it.
   const bool too_late =
@@ -255,7 +256,8 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     const LaneAdvice& there = ego.Advice(side);
     const LaneAdvice& here = ego.Advice(0);
     const double useful = there.free_distance - ego.s;
-    if (std::abs(there.changes) > 0 && useful < 2.0 * lookahead + 100.0) continue;
+    // Not to a lane from which a change back would be needed at once.
+    if (there.changes != 0 && useful < std::abs(there.changes) * lookahead_per_lane + 100.0) continue;
     if (there.free_distance < here.free_distance && useful < 300.0) continue;
     const Neighborhood beside = LookBeside(ego, neighbor);
     if (!GapAccepted(ego, beside.ahead, beside.behind, 0.0)) continue;
