@@ -223,6 +223,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.blinker[i] = tactics.blinker;
   next.urgent[i] = tactics.urgent;
   next.since_change[i] = now.since_change[i] + static_cast<float>(dt);
+  next.waited[i] = speed < kWalkingSpeed ? now.waited[i] + static_cast<float>(dt) : 0.0f;
   next.yielded_to[i] = tactics.yielded_to;
 
   commands->lane_speed[i] = progress / curve.scale() / dt;

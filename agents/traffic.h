@@ -33,6 +33,7 @@ struct Motion {
   std::vector<std::int8_t> blinker;      ///< Side the vehicle asks for (seen by others): +1, -1, 0.
   std::vector<std::uint8_t> urgent;      ///< The asked change is needed to follow the route.
   std::vector<float> since_change;       ///< [s] since the last lane change ended.
+  std::vector<float> waited;             ///< [s] since the vehicle last went at walking speed.
   std::vector<std::int32_t> yielded_to;  ///< Vehicle number last let in on this edge; kNone if none.
   std::vector<PidState> speed_pid, steering_pid;
 

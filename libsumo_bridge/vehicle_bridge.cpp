@@ -173,6 +173,7 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   now.speed[row] = 0.0;
   now.heading[row] = 0.0;
   now.since_change[row] = 0.0f;
+  now.waited[row] = 0.0f;
   now.yielded_to[row] = kNone;
   Replan(row, traffic);
   for (const auto& stop : SumoVehicle::getStops(id))
@@ -450,8 +451,7 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   const double speed = traffic->now.speed[row];
   const double braking = speed * speed / (2.0 * params_.driving.comfort_decel) + 2.0 * speed;
   // After a stop in a bay or on a bus lane SUMO brings the vehicle to a lane that leads on.
-  const bool hand_back = traffic->hazard[row] != 0 ||
-                         traffic->stop_distance[row] < braking + kStopMargin ||
+  const bool hand_back = traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin ||
                          (coupled.handed_back && DistanceToDeadEnd(row, *traffic) < kDeadEndView);
   if (hand_back == coupled.handed_back) return;
   coupled.handed_back = hand_back;
@@ -502,6 +502,7 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
       traffic->next.lane[row] = traffic->now.lane[row];
       traffic->next.since_change[row] = traffic->now.since_change[row];
       traffic->next.yielded_to[row] = kNone;
+      traffic->next.waited[row] = 0.0f;
       continue;
     }
     const std::string& id = records_[row].id;

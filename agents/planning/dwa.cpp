@@ -107,8 +107,10 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   float leftmost = -1e3f, rightmost = 1e3f;
   for (int n = 0; n < kPathNodes; n += NodesBeside(view, ego_length)) {
     for (int j = 0; j < courses.count; ++j) {
-      leftmost = std::max({leftmost, courses.front_max[n][j] + half_width, courses.rear_max[n][j] + half_width});
-      rightmost = std::min({rightmost, courses.front_min[n][j] - half_width, courses.rear_min[n][j] - half_width});
+      leftmost =
+          std::max({leftmost, courses.front_max[n][j] + half_width, courses.rear_max[n][j] + half_width});
+      rightmost =
+          std::min({rightmost, courses.front_min[n][j] - half_width, courses.rear_min[n][j] - half_width});
     }
   }
   const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
@@ -243,7 +245,10 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     const Obstacle& o = view.obstacles[m];
     const float gap = o.s - o.half_length;
     if (gap <= 0.0f) continue;
-    const auto [comfort, safe] = limits(gap, std::max(0.0f, o.speed_s));
+    // Who comes towards us needs room to stop, too.
+    const double oncoming = std::max(0.0, -static_cast<double>(o.speed_s));
+    const double its_way = oncoming * vehicle.time_gap + oncoming * oncoming / (2.0 * vehicle.max_decel);
+    const auto [comfort, safe] = limits(gap - its_way, std::max(0.0f, o.speed_s));
     // What moves across sweeps a band until the ego is there.
     const float drift = o.speed_d * std::min(o.drift_time, gap / std::max(1.0f, static_cast<float>(c.speed)));
     const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift) - half_width;
@@ -293,7 +298,9 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   const float free_speed = static_cast<float>(std::max(1.0, c.free_speed));
   const float margin = Margin(w, c), comfort = static_cast<float>(w.clearance_comfort);
   const float slowest = profiles.next_speed[1], fastest = profiles.next_speed[profiles.count - 1];
-  const auto nearness = [&](float clearance) { return std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f)); };
+  const auto nearness = [&](float clearance) {
+    return std::max(0.0f, 1.0f - clearance / std::max(comfort, 1e-3f));
+  };
   float best_cost = std::numeric_limits<float>::infinity(), widest = -std::numeric_limits<float>::infinity();
   Plan plan{-c.vehicle->max_decel, c.d, PlanStatus::kNoFeasibleCommand}, squeezed = plan;
   for (int j = 0; j < courses.count; ++j) {
@@ -306,7 +313,8 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
     for (int i = 0; i < profiles.count; ++i) {
       const float speed = profiles.next_speed[i];
       if (speed > courses.safe_speed[j] + 1e-4f) continue;
-      const float beside = scratch->blocked_clearance[i][j], clearance = std::min(courses.clearance[j], beside);
+      const float beside = scratch->blocked_clearance[i][j],
+                  clearance = std::min(courses.clearance[j], beside);
       if (beside < margin) {
         if (j == 0 && beside > widest) {
           widest = beside;

@@ -51,7 +51,8 @@ struct CourseSet {
   alignas(64) std::array<float, kMaxCourses> comfort_speed;  ///< [m/s] braking comfortably for what stands in
                                                              ///< the course.
   alignas(64) std::array<float, kMaxCourses> safe_speed;     ///< [m/s] the admissible limit.
-  alignas(64) std::array<float, kMaxCourses> clearance;      ///< [m] to what is passed; < 0 where overlap is forgiven.
+  alignas(64)
+      std::array<float, kMaxCourses> clearance;  ///< [m] to what is passed; < 0 where overlap is forgiven.
   float leader_gap{0.0f},
       leader_speed{0.0f};  ///< Of course 0: the nearest obstacle in it (infinite gap if none).
 };

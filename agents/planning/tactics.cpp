@@ -235,19 +235,18 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     Neighborhood beside;
     if (neighbor != kNone) beside = LookBeside(ego, neighbor);
     PrepareChange(ego, needed, beside, urgency, tactics);
-    tactics->speed_cap = std::min(
-        tactics->speed_cap,
-        FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap), leader.speed,
-                    ego.params.driving.comfort_decel));
-    if (neighbor != kNone && !too_late && CanTurnOut(leader) && GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
+    tactics->speed_cap =
+        std::min(tactics->speed_cap, FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap),
+                                                 leader.speed, ego.params.driving.comfort_decel));
+    if (neighbor != kNone && !too_late && CanTurnOut(leader) &&
+        GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
       tactics->lane_change = static_cast<std::int8_t>(needed.side);
       tactics->target_d = needed.side * Spacing(ego, neighbor);
     }
     return;
   }
 
-  if (too_late || ego.now().since_change[ego.row] < kChangePause || ego.speed < 0.5 ||
-      !CanTurnOut(leader)) {
+  if (too_late || ego.now().since_change[ego.row] < kChangePause || ego.speed < 0.5 || !CanTurnOut(leader)) {
     return;
   }
   for (const int side : {+1, -1}) {

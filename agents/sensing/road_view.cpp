@@ -8,8 +8,10 @@
 namespace lanewise {
 namespace {
 
-/// [m/s] below which a road user stands, or only creeps, or walks.
-constexpr double kStanding = 0.1, kCreeping = 0.5, kWalkingSpeed = 1.5;
+/// [m/s] below which a road user stands, or only creeps.
+constexpr double kStanding = 0.1, kCreeping = 0.5;
+/// [s] of waiting after which what stands on another road is crept by: it waits for us.
+constexpr float kPatience = 40.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
 /// [m] of overlap forgiven.
@@ -144,7 +146,7 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   const float x = static_cast<float>(world.center_x[row] - view.origin_x);
   const float y = static_cast<float>(world.center_y[row] - view.origin_y);
   OnPath at = Project(view, x, y);
-  float along = cos_heading * at.cos_heading + sin_heading * at.sin_heading;    // cos of the relative heading.
+  float along = cos_heading * at.cos_heading + sin_heading * at.sin_heading;   // cos of the relative heading.
   float across = sin_heading * at.cos_heading - cos_heading * at.sin_heading;  // sin of it.
   Obstacle obstacle;
   if (along > kGoesAlong) {
@@ -208,7 +210,8 @@ bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const Way
 bool IsParallel(const World& world, AgentIndex row, const WayAhead& way) {
   const RoadNetwork& network = *world.network;
   const LaneIndex lane = world.traffic->now.lane[row];
-  return lane != kNone && std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& a) {
+  return lane != kNone &&
+         std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& a) {
            return network.lanes[a.lane].edge == network.lanes[lane].edge && a.lane != lane;
          });
 }
@@ -292,10 +295,12 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
         // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who
-        // waits for a signal will go.
+        // waits for a signal will go, unless it waits for us.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
         const bool waits_inside = stands && IsInJunction(world, row);
-        if (creeping && (waits_inside || (elder && speed < kCreeping && !HasSignal(world, row)))) {
+        const bool waits_for_us = (elder && speed < kCreeping && !HasSignal(world, row)) ||
+                                  (stands && world.traffic->now.waited[ego] > kPatience);
+        if (creeping && (waits_inside || waits_for_us)) {
           obstacle.forgiven = kWholly;
         } else if (waits_inside) {
           obstacle.forgiven = kALittle;

@@ -96,6 +96,9 @@ struct RoadView {
   int obstacle_count{0};
 };
 
+/// [m/s] up to which a vehicle may feel its way past others.
+inline constexpr double kWalkingSpeed = 1.5;
+
 /// Samples the path over `horizon` [m] and collects the obstacles around it.
 /// @param crossing_traffic also take vehicles that cross or come against the path (false while
 /// SUMO's checks guard the junction).
