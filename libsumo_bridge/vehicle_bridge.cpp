@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_set>
 
 #include "agents/core/check.h"
 #include "agents/sensing/road_view.h"
@@ -131,6 +132,7 @@ void VehicleBridge::Read(double time, double dt, Traffic* traffic) {
   }
   const std::size_t known = traffic->vehicle_count;
   for (const std::string& id : libsumo::Simulation::getDepartedIDList()) AddVehicle(id, time, traffic);
+  NotePending(time);
   for (std::size_t row = 0; row < traffic->vehicle_count;) {
     if (ReadVehicle(row, dt, traffic)) {
       ++row;
@@ -148,6 +150,15 @@ void VehicleBridge::Read(double time, double dt, Traffic* traffic) {
   ReadPersons(time, traffic);
 }
 
+void VehicleBridge::NotePending(double time) {
+  const std::vector<std::string> ids = libsumo::Simulation::getPendingVehicles();
+  for (const std::string& id : ids) pending_since_.try_emplace(id, time);
+  if (pending_since_.size() == ids.size()) return;
+  // Some were discarded instead of inserted.
+  const std::unordered_set<std::string> pending(ids.begin(), ids.end());
+  std::erase_if(pending_since_, [&](const auto& entry) { return !pending.contains(entry.first); });
+}
+
 void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traffic) {
   const std::size_t row = traffic->vehicle_count++;
   traffic->Resize(traffic->vehicle_count);
@@ -157,7 +168,9 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   row_of_[id] = row;
   Coupled& coupled = coupled_[row] = {};
   VehicleRecord& record = records_[row];
-  record = {id, SumoVehicle::getTypeID(id), SumoVehicle::getVehicleClass(id), time, 0.0};
+  const auto waited = pending_since_.extract(id);
+  const double delay = waited.empty() ? 0.0 : time - waited.mapped();
+  record = {id, SumoVehicle::getTypeID(id), SumoVehicle::getVehicleClass(id), time, delay};
   coupled.class_mask = VehicleClassBit(record.vehicle_class);
 
   traffic->number[row] = next_number_++;
@@ -551,10 +564,6 @@ void VehicleBridge::ReadPersons(double time, Traffic* traffic) {
     now.speed[row] = libsumo::Person::getSpeed(ids[k]);
     now.accel[row] = 0.0;
   }
-}
-
-std::size_t VehicleBridge::pending() const {
-  return libsumo::Simulation::getPendingVehicles().size();
 }
 
 void VehicleBridge::HashState(const Traffic& traffic, StateHash* hash) const {

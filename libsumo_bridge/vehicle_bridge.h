@@ -25,7 +25,7 @@ inline constexpr std::string_view kRulesNames[] = {"sumo"};
 struct VehicleRecord {
   std::string id, type, vehicle_class;
   double depart{0.0};        ///< [s]
-  double depart_delay{0.0};  ///< [s]
+  double depart_delay{0.0};  ///< [s] waited for insertion, to a step.
 };
 
 /// What SUMO says of one vehicle in one step beyond its motion.
@@ -73,7 +73,8 @@ class VehicleBridge {
   std::int64_t emergency_stops() const { return emergency_stops_; }
   /// Halts of an agent within 10 m of the end of a lane that does not lead along its route.
   std::int64_t lane_end_halts() const { return lane_end_halts_; }
-  std::size_t pending() const;
+  /// Vehicles whose departure is due but which found no room yet.
+  std::size_t pending() const { return pending_since_.size(); }
   /// Feeds the motion of every vehicle, in row order.
   void HashState(const Traffic& traffic, StateHash* hash) const;
 
@@ -98,6 +99,8 @@ class VehicleBridge {
     double commanded_speed{0.0};     // [m/s]
   };
 
+  /// Notes since when vehicles wait for insertion: SUMO 1.15 does not tell it of those that were inserted.
+  void NotePending(double time);
   void AddVehicle(const std::string& id, double time, Traffic* traffic);
   void RemoveVehicle(std::size_t row, bool arrived, Traffic* traffic);
   bool ReadVehicle(std::size_t row, double dt, Traffic* traffic);
@@ -136,6 +139,7 @@ class VehicleBridge {
   std::map<std::pair<std::vector<EdgeIndex>, VehicleClassMask>, std::unique_ptr<RoutePlan>> plans_;
   std::unordered_map<std::string, std::string> type_policy_;
   std::unordered_map<std::string, std::int32_t> person_number_;
+  std::unordered_map<std::string, double> pending_since_;  // [s] By vehicle id, until it is inserted.
   CouplingAudit audit_;
   std::int64_t teleports_{0}, emergency_stops_{0}, lane_end_halts_{0};
   std::int64_t step_{0};

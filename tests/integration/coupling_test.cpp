@@ -44,7 +44,7 @@ TEST(Coupling, ANativeRunHasNoAgentAtAll) {
 }
 
 struct SumoTrip {
-  double duration, time_loss, depart, route_length;
+  double duration, time_loss, depart, route_length, depart_delay;
 };
 
 // Our trip figures of a native run against SUMO's own tripinfo output of the same run.
@@ -63,17 +63,18 @@ TEST(Coupling, NativeTripFiguresAgreeWithSumosTripinfo) {
   for (const pugi::xml_node trip : document.child("tripinfos").children("tripinfo")) {
     sumo[trip.attribute("id").as_string()] = {
         trip.attribute("duration").as_double(), trip.attribute("timeLoss").as_double(),
-        trip.attribute("depart").as_double(), trip.attribute("routeLength").as_double()};
+        trip.attribute("depart").as_double(), trip.attribute("routeLength").as_double(),
+        trip.attribute("departDelay").as_double()};
     sumo_loss += trip.attribute("timeLoss").as_double();
   }
   EXPECT_GT(sumo.size(), 100u);
   EXPECT_EQ(static_cast<std::size_t>(report.outcome.arrived), sumo.size());
 
   SQLite::Database database(results.string(), SQLite::OPEN_READONLY);
-  SQLite::Statement query(
-      database,
-      "SELECT vehicle_id, duration_s, time_loss_s, trip.depart_s, route_length_m FROM trip JOIN "
-      "vehicle USING (run_id, vehicle_number) WHERE trip_end = 'arrived'");
+  SQLite::Statement query(database,
+                          "SELECT vehicle_id, duration_s, time_loss_s, trip.depart_s, route_length_m, "
+                          "trip.depart_delay_s FROM trip JOIN "
+                          "vehicle USING (run_id, vehicle_number) WHERE trip_end = 'arrived'");
   double our_loss = 0.0;
   std::size_t compared = 0;
   while (query.executeStep()) {
@@ -85,6 +86,7 @@ TEST(Coupling, NativeTripFiguresAgreeWithSumosTripinfo) {
     // Within what is driven in the last, unseen step, and 1 %.
     EXPECT_NEAR(query.getColumn(4).getDouble(), it->second.route_length, 3.0 + 0.01 * it->second.route_length)
         << it->first;
+    EXPECT_NEAR(query.getColumn(5).getDouble(), it->second.depart_delay, 0.1 + 1e-6) << it->first;
     our_loss += query.getColumn(2).getDouble();
   }
   EXPECT_EQ(compared, sumo.size());

@@ -148,6 +148,30 @@ TEST(AgentPipeline, DrivesTheNeededLaneChange) {
   EXPECT_EQ(network.lanes[fleet.traffic.now.lane[0]].id, "b_0");
 }
 
+// A vehicle belongs to its new lane from the step in which it accepts the gap; its body comes over later.
+TEST(AgentPipeline, JoinsTheNewLaneBeforeItsBodyDoes) {
+  const RoadNetwork network = ForkNet();
+  Fleet fleet(network);
+  fleet.Add({"a", "b"}, 0, 150.0, 12.0);
+  fleet.Step(kDt);
+  EXPECT_EQ(network.lanes[fleet.traffic.now.lane[0]].id, "a_1");
+  EXPECT_LT(fleet.traffic.now.d[0], -0.9 * kLaneWidth);
+  for (int k = 0; k < 60; ++k) fleet.Step(kDt);
+  EXPECT_NEAR(fleet.traffic.now.d[0], 0.0, 0.3);
+}
+
+// Held up beside its path, a vehicle must not store the error: it would run off its lane when it starts.
+TEST(AgentPipeline, StandingDoesNotWindUpTheSteering) {
+  const RoadNetwork network = ChainNet(1, 1, 1000.0);
+  Fleet fleet(network);
+  fleet.Add({"e0"}, 0, 100.0, 0.0);
+  fleet.Add({"e0"}, 0, 106.5, 0.0);
+  fleet.traffic.now.d[0] = 0.5;
+  fleet.traffic.driven[1] = 0;  // Stands.
+  for (int k = 0; k < 600; ++k) fleet.Step(kDt);
+  EXPECT_LT(std::abs(fleet.traffic.now.steering_pid[0].integral), 0.1);
+}
+
 // A broken-down car (hazard lights) blocks the right lane: everyone passes by, nobody touches it.
 TEST(AgentPipeline, PassesABrokenDownCar) {
   const RoadNetwork network = ChainNet(1, 2, 800.0);

@@ -130,6 +130,31 @@ TEST_F(DwaTest, NothingFeasibleBrakesFullyAndHoldsTheCourse) {
   EXPECT_EQ(plan.target_d, context_.d);
 }
 
+// Cars at our speed on both sides come nearer whatever we do: braking would only lose the place. The speed
+// goes on, the course is held.
+TEST_F(DwaTest, SqueezedFromBothSidesItDoesNotBrakeInVain) {
+  for (const double side : {-1.0, 1.0}) {
+    AddObstacle(-4.6, side * 2.2, context_.speed, 0.9);
+    Obstacle& o = scratch_->view.obstacles[scratch_->view.obstacle_count - 1];
+    o.speed_d = static_cast<float>(-side * 0.8);
+    o.drift_time = 1.0f;
+  }
+  const Plan plan = MakePlan();
+  EXPECT_EQ(plan.status, PlanStatus::kNoFeasibleCommand);
+  EXPECT_GT(plan.accel, -0.5);
+  EXPECT_EQ(plan.target_d, context_.d);
+}
+
+// Both come on at 10 m/s, 40 m apart: the room is shared, so we plan to stop in less than if it stood.
+TEST_F(DwaTest, WhoComesTowardsUsNeedsRoomToo) {
+  AddObstacle(40.0, 0.0, -10.0, 0.9);
+  MakePlan();
+  const float oncoming = scratch_->courses.comfort_speed[0];
+  scratch_->view.obstacles[0].speed_s = 0.0f;
+  MakePlan();
+  EXPECT_LT(oncoming, scratch_->courses.comfort_speed[0] - 3.0f);
+}
+
 // Half the road is blocked 8 m ahead. Waiting behind it costs goal_weight * (13.9 - 3.5) / 13.9 = 0.75
 // (comfortable speed there: sqrt(3^2 + 2 * 3 * 5.5) - 3 = 3.5 m/s); passing costs path_weight * 1.4 m = 0.5.
 TEST_F(DwaTest, SwervesAroundAnObstacleWithinTheCorridor) {

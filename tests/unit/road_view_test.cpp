@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "agents/vehicle/kinematic_bicycle.h"
 #include "tests/support/scene.h"
 #include "tests/support/small_nets.h"
 
@@ -146,6 +147,56 @@ TEST(BendView, ObstaclesOnACurvedPath) {
     EXPECT_NEAR(view.curvature[8], 1.0 / 50.0, 2e-3);
     EXPECT_NEAR(view.obstacles[0].speed_s, 8.0, 0.1);
   }
+}
+
+// Two cars abreast on an arc, 3.2 m apart, each in steady motion on its circle of radius R: its heading is
+// less than the tangent by the slip angle beta, sin beta = l_r / R. Neither drifts nor seems wider.
+TEST(BendView, ANeighborThatKeepsItsLaneNeitherDriftsNorWidens) {
+  constexpr double kRadius = 20.0;
+  const RoadNetwork network = BendNet(kRadius, 1.5);
+  Scene scene(network);
+  scene.Add({"bend"}, 0, 12.0, 6.0);
+  scene.Add({"bend"}, 0, 14.0, 6.0);
+  Traffic& traffic = scene.traffic();
+  const VehicleParams& vehicle = traffic.params[1];
+  const double beta = std::asin(vehicle.rear_axle_to_front / (kRadius + 3.2));
+  traffic.now.d[1] = -3.2;
+  traffic.now.heading_error[1] = -beta;
+  traffic.now.steering_angle[1] = SteeringAngle(beta, vehicle.wheelbase, vehicle.rear_axle_to_front);
+  RoadView view;
+  const World world = scene.Look();
+  SenseRoad(world, 0, LookAhead(world, 0, 60.0), 30.0, true, &view);
+  ASSERT_EQ(view.obstacle_count, 1);
+  EXPECT_NEAR(view.obstacles[0].speed_d, 0.0, 0.45);  // Nodes 2 m apart turn by 0.1 rad: 6 m/s * 0.05, and d.
+  EXPECT_LT(view.obstacles[0].half_width, 0.5 * vehicle.width + 0.3);
+}
+
+// A car that stands across our way on another road is forgiven only while we creep, and only after patience.
+TEST_F(ChainView, WhoHasWaitedLongCreepsByWhatStandsOnAnotherRoad) {
+  scene_.Add({"e0", "e1"}, 0, 50.0, 0.0);
+  scene_.Add({"e2"}, 0, 20.0, 0.0);
+  Traffic& traffic = scene_.traffic();
+  traffic.number[0] = 2;  // The other is the elder.
+  traffic.number[1] = 1;
+  RoadView view;
+  const auto forgiven = [&] {
+    World world = scene_.Look();
+    // Put its body 12 m in front of us.
+    traffic.now.x[1] = traffic.now.x[0] + 12.0;
+    std::vector<double> x(world.center_x.begin(), world.center_x.end());
+    x[1] = traffic.now.x[1] - 2.5;
+    world.center_x = x;
+    SpatialGrid grid(20.0);
+    grid.Build(world.center_x, world.center_y);
+    world.grid = &grid;
+    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, true, &view);
+    return view.obstacle_count == 1 ? view.obstacles[0].forgiven : -1.0f;
+  };
+  EXPECT_EQ(forgiven(), 0.0f);
+  traffic.now.waited[0] = 41.0f;
+  EXPECT_GT(forgiven(), 100.0f);
+  traffic.now.speed[0] = 5.0;
+  EXPECT_EQ(forgiven(), 0.0f);
 }
 
 // A car that comes towards us is left out while SUMO's checks guard the junction.

@@ -61,8 +61,7 @@ TEST_F(TacticsTest, AFastFollowerOnTheOtherLaneIsNotCutOff) {
 TEST_F(TacticsTest, ARefusedNeededChangeLimitsTheSpeed) {
   scene_.Add({"a", "b"}, 0, 370.0, 12.0);
   scene_.Add({"a", "b"}, 1, 371.0, 12.0);
-  // 30 m at 4.5 m/s^2: at most sqrt(2 * 4.5 * 30) = 16.4 m/s even with no reserve; 12 m/s at comfort_decel 3
-  // needs 24 m.
+  // 16 m are left to the reserve of 14 m: at comfort_decel 4 at most sqrt(2 * 4 * 16) = 11.3 m/s.
   EXPECT_LT(scene_.Decide(0).speed_cap, 12.0);
 }
 
@@ -100,6 +99,38 @@ TEST_F(TacticsTest, OnlyOneIsLetInPerEdge) {
   const Tactics tactics = scene_.Decide(0);
   EXPECT_EQ(tactics.yielded_to, 77);
   EXPECT_GT(tactics.speed_cap, 100.0);
+}
+
+// It blocks all behind it: whoever stands 20 m before its lane's end is let in even by one who has done so.
+TEST_F(TacticsTest, WhoBlocksItsLanesEndIsAlwaysLetIn) {
+  scene_.Add({"a", "b"}, 1, 365.0, 10.0);
+  scene_.Add({"a", "b"}, 0, 380.0, 0.0);
+  scene_.traffic().now.urgent[1] = 1;
+  scene_.traffic().now.blinker[1] = 1;
+  scene_.traffic().now.yielded_to[0] = 77;
+  const Tactics tactics = scene_.Decide(0);
+  EXPECT_EQ(tactics.yielded_to, scene_.traffic().number[1]);
+  EXPECT_LT(tactics.speed_cap, 10.0);
+}
+
+// The left lane is free and faster, but leads astray in 305 m: with a long lookahead a change back would be
+// due at once (35 s * 13.89 m/s + 30 m), with a short one (5 s) there is time to overtake.
+TEST_F(TacticsTest, NoChangeOfChoiceThatMustBeTakenBackAtOnce) {
+  scene_.Add({"a", "c"}, 0, 95.0, 12.0);
+  scene_.Add({"a", "c"}, 0, 125.0, 3.0);
+  AgentParams params;
+  EXPECT_EQ(scene_.Decide(0, params).lane_change, 0);
+  params.lane_change.lookahead_time = 5.0;
+  EXPECT_EQ(scene_.Decide(0, params).lane_change, 1);
+}
+
+// 2 m behind a standing car nobody can steer around it: the change waits, though the other lane is free.
+TEST_F(TacticsTest, AChangeNeedsRoomToTurnOut) {
+  scene_.Add({"a", "b"}, 0, 300.0, 0.6);
+  scene_.Add({"a", "c"}, 0, 307.0, 0.0);
+  EXPECT_EQ(scene_.Decide(0).lane_change, 0);
+  scene_.traffic().now.s[1] = 312.0;
+  EXPECT_EQ(scene_.Decide(0).lane_change, 1);
 }
 
 // A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
