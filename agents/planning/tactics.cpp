@@ -57,10 +57,19 @@ double SoftCap(const Ego& ego, double wanted, double decel) {
   return std::max(wanted, ego.speed - decel * ego.params.driving.response_time);
 }
 
+/// [m] by which the same position on the neighbour lane lies ahead in the world: lanes of an edge may begin
+/// at different places, and SUMO keeps the position in a lane change.
+double Shift(const Ego& ego, LaneIndex lane, LaneIndex neighbor) {
+  const PathPoint here = (*ego.world.curves)[lane].At(ego.s), there = (*ego.world.curves)[neighbor].At(ego.s);
+  return (there.x - here.x) * std::cos(here.heading) + (there.y - here.y) * std::sin(here.heading);
+}
+
 LaneIndex UsableNeighbor(const Ego& ego, int side) {
-  const LaneIndex neighbor =
-      ego.world.network->Neighbor(static_cast<LaneIndex>(&ego.lane - ego.world.network->lanes.data()), side);
-  return neighbor != kNone && ego.Advice(side).allowed ? neighbor : kNone;
+  constexpr double kMaxShift = 1.0;  // [m]
+  const LaneIndex lane = ego.now().lane[ego.row];
+  const LaneIndex neighbor = ego.world.network->Neighbor(lane, side);
+  if (neighbor == kNone || !ego.Advice(side).allowed) return kNone;
+  return std::abs(Shift(ego, lane, neighbor)) < kMaxShift ? neighbor : kNone;
 }
 
 NeededChange FindNeededChange(const Ego& ego) {

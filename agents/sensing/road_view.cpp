@@ -11,7 +11,7 @@ namespace {
 /// [m/s] below which a road user stands, or only creeps.
 constexpr double kStanding = 0.1, kCreeping = 0.5;
 /// [s] of waiting after which what stands on another road is crept by: it waits for us.
-constexpr float kPatience = 40.0f;
+constexpr float kPatience = 12.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
 /// [m] of overlap forgiven.

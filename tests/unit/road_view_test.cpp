@@ -193,7 +193,7 @@ TEST_F(ChainView, WhoHasWaitedLongCreepsByWhatStandsOnAnotherRoad) {
     return view.obstacle_count == 1 ? view.obstacles[0].forgiven : -1.0f;
   };
   EXPECT_EQ(forgiven(), 0.0f);
-  traffic.now.waited[0] = 41.0f;
+  traffic.now.waited[0] = 13.0f;
   EXPECT_GT(forgiven(), 100.0f);
   traffic.now.speed[0] = 5.0;
   EXPECT_EQ(forgiven(), 0.0f);

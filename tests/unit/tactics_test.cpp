@@ -133,6 +133,29 @@ TEST_F(TacticsTest, AChangeNeedsRoomToTurnOut) {
   EXPECT_EQ(scene_.Decide(0).lane_change, 1);
 }
 
+// The left lane begins 20 m further back but has the same length: at 100 m of 300 m the same position lies
+// 20 * 2 / 3 = 13 m further back, at 290 m 0.7 m. A change would be a jump; where the lanes agree it is none.
+TEST(TacticsSkew, NoChangeWhereLanesDoNotAgree) {
+  const RoadNetwork network = LoadNetText(R"(<net version="1.9">
+    <edge id="a" from="A" to="B">
+      <lane id="a_0" index="0" speed="13.89" length="300" shape="0,0 300,0"/>
+      <lane id="a_1" index="1" speed="13.89" length="300" shape="-20,3.2 300,3.2"/></edge>
+    <junction id="A" type="dead_end" incLanes="" intLanes=""/>
+    <junction id="B" type="dead_end" incLanes="a_0 a_1" intLanes=""/></net>)");
+  Scene scene(network);
+  scene.Add({"a"}, 0, 100.0, 12.0);
+  scene.Add({"a"}, 0, 130.0, 3.0);
+  EXPECT_EQ(scene.Decide(0).lane_change, 0);
+  scene.traffic().now.s[0] = 269.0;
+  scene.traffic().now.speed[0] = 6.0;
+  scene.traffic().now.s[1] = 290.0;
+  scene.traffic().now.speed[1] = 0.5;
+  EXPECT_EQ(scene.Decide(0).lane_change, 0);
+  scene.traffic().now.s[0] = 286.0;
+  scene.traffic().now.s[1] = 299.0;
+  EXPECT_EQ(scene.Decide(0).lane_change, 1);
+}
+
 // A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
 TEST(TacticsChain, OvertakesASlowLeader) {
   const RoadNetwork network = ChainNet(/*edges=*/2, /*lanes=*/2, /*length=*/600.0);
