@@ -14,8 +14,7 @@ class TacticsTest : public testing::Test {
   Scene scene_{network_};
 };
 
-// Lane 0 of "a" leads to "c", the route to "b" is on the left. At 10 m/s a change is begun
-// lookahead_time * 10 + lookahead_distance = 130 m before the lane's end (defaults 10 s and 30 m).
+// Lane 0 of "a" leads to "c", the route to "b" is on the left.
 TEST_F(TacticsTest, ANeededChangeBeginsInTime) {
   // One lane to change: due 100 m of driving at the limit of 13.89 m/s plus 30 m before the lane's end.
   AgentParams params;
