@@ -32,7 +32,7 @@ struct Motion {
   std::vector<double> curvature;         ///< [1/m] of the reference path at s.
   std::vector<std::int8_t> blinker;      ///< Side the vehicle asks for (seen by others): +1, -1, 0.
   std::vector<std::uint8_t> urgent;      ///< The asked change is needed to follow the route.
-  std::vector<float> since_change;       ///< [s] since the last lane change ended.
+  std::vector<float> since_change;       ///< [s] since it joined its lane by a change.
   std::vector<float> waited;             ///< [s] since the vehicle last went at walking speed.
   std::vector<std::int32_t> yielded_to;  ///< Vehicle number last let in on this edge; kNone if none.
   std::vector<PidState> speed_pid, steering_pid;
@@ -71,7 +71,7 @@ struct Traffic {
 struct Commands {
   std::vector<double> lane_speed;  ///< [m/s] progress along SUMO's lane.
   std::vector<std::int8_t>
-      change_lane;  ///< The front crosses into the neighbour lane in this step: +1, -1, 0.
+      change_lane;                      ///< Joins the neighbour lane in this step, its body later: +1, -1, 0.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
   std::vector<std::uint8_t>
       passed_on_lane;  ///< The front has just passed a standing vehicle of the same lane.

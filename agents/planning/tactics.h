@@ -10,8 +10,8 @@ namespace lanewise {
 struct Tactics {
   double target_d{0.0};                         ///< [m] wanted lateral position on the present lane's path.
   double corridor_min{0.0}, corridor_max{0.0};  ///< [m] lateral positions a course may aim at.
-  double speed_cap{1e9};  ///< [m/s] for a needed lane change, a merging neighbour, the lane's end.
-  std::int8_t lane_change{0};
+  double speed_cap{1e9};       ///< [m/s] for a needed lane change, a merging neighbour, the lane's end.
+  std::int8_t lane_change{0};  ///< Joins the neighbour lane now: +1 left, -1 right, 0.
   std::int8_t blinker{0};
   bool urgent{false};
   std::int32_t yielded_to{kNone};
