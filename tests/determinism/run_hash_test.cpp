@@ -32,11 +32,7 @@ TEST(Determinism, BolognaAcosta) {
   const auto file = BolognaScenario("acosta");
   if (file.empty()) GTEST_SKIP() << "no Bologna scenarios in " << LANEWISE_BOLOGNA_FOLDER;
   const TemporaryFolder folder;
-  RunConfig config = ShippedRun("town", Policy::kDwa, 60.0);
-  config.scenario.clear();
-  config.config_file = file;
-  config.sumo_output_folder = folder.path();
-  ExpectSameForAnyThreads(config);
+  ExpectSameForAnyThreads(BolognaRun(file, folder.path(), 60.0));
 }
 
 // Storing results must not change the run.

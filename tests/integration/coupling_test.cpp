@@ -290,11 +290,7 @@ TEST(Bologna, AcostaUnderDwaIsDrivenExactly) {
   const auto file = BolognaScenario("acosta");
   if (file.empty()) GTEST_SKIP() << "no Bologna scenarios in " << LANEWISE_BOLOGNA_FOLDER;
   const TemporaryFolder folder;
-  RunConfig config = ShippedRun("town", Policy::kDwa, 200.0);
-  config.scenario.clear();
-  config.config_file = file;
-  config.sumo_output_folder = folder.path();
-  const RunReport report = RunResolved(config);
+  const RunReport report = RunResolved(BolognaRun(file, folder.path(), 200.0));
   EXPECT_EQ(MidBlock(report).different, 0);
   EXPECT_EQ(report.outcome.teleported, 0);
   EXPECT_GT(report.outcome.inserted, 200);

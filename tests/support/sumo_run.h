@@ -46,6 +46,16 @@ inline std::filesystem::path BolognaScenario(const std::string& name) {
   return std::filesystem::exists(file) ? file : std::filesystem::path();
 }
 
+/// A Bologna scenario (its file from BolognaScenario) under dwa; SUMO's own outputs go to `outputs`.
+inline RunConfig BolognaRun(const std::filesystem::path& file, const std::filesystem::path& outputs,
+                            double end) {
+  RunConfig config = ShippedRun("town", Policy::kDwa, end);
+  config.scenario.clear();
+  config.config_file = file;
+  config.sumo_output_folder = outputs;
+  return config;
+}
+
 inline RunReport RunResolved(RunConfig config) {
   Resolve(&config);
   return Run(config);

@@ -12,6 +12,14 @@ class TacticsTest : public testing::Test {
  protected:
   RoadNetwork network_ = ForkNet();
   Scene scene_{network_};
+
+  /// We on the left lane at 10 m/s; 15 m ahead on the right one a car that must come over and says so.
+  void AddOneThatAsks(double its_speed) {
+    scene_.Add({"a", "b"}, 1, 365.0, 10.0);
+    scene_.Add({"a", "b"}, 0, 380.0, its_speed);
+    scene_.traffic().now.urgent[1] = 1;
+    scene_.traffic().now.blinker[1] = 1;
+  }
 };
 
 // Lane 0 of "a" leads to "c", the route to "b" is on the left.
@@ -68,10 +76,7 @@ TEST_F(TacticsTest, ARefusedNeededChangeLimitsTheSpeed) {
 // We are on the left lane; the car 15 m ahead on the right lane must come over and says so. We let it in:
 // braking no harder than cooperation_decel.
 TEST_F(TacticsTest, AnUrgentNeighborIsLetIn) {
-  scene_.Add({"a", "b"}, 1, 365.0, 10.0);
-  scene_.Add({"a", "b"}, 0, 380.0, 6.0);
-  scene_.traffic().now.urgent[1] = 1;
-  scene_.traffic().now.blinker[1] = 1;
+  AddOneThatAsks(6.0);
   const Tactics tactics = scene_.Decide(0);
   EXPECT_EQ(tactics.yielded_to, scene_.traffic().number[1]);
   EXPECT_LT(tactics.speed_cap, 10.0);
@@ -90,10 +95,7 @@ TEST_F(TacticsTest, AVehicleThatDoesNotAskIsNotLetIn) {
 
 // Zipper: who has let one in does not let in the next.
 TEST_F(TacticsTest, OnlyOneIsLetInPerEdge) {
-  scene_.Add({"a", "b"}, 1, 365.0, 10.0);
-  scene_.Add({"a", "b"}, 0, 380.0, 6.0);
-  scene_.traffic().now.urgent[1] = 1;
-  scene_.traffic().now.blinker[1] = 1;
+  AddOneThatAsks(6.0);
   scene_.traffic().now.yielded_to[0] = 77;
   const Tactics tactics = scene_.Decide(0);
   EXPECT_EQ(tactics.yielded_to, 77);
@@ -102,10 +104,7 @@ TEST_F(TacticsTest, OnlyOneIsLetInPerEdge) {
 
 // It blocks all behind it: whoever stands 20 m before its lane's end is let in even by one who has done so.
 TEST_F(TacticsTest, WhoBlocksItsLanesEndIsAlwaysLetIn) {
-  scene_.Add({"a", "b"}, 1, 365.0, 10.0);
-  scene_.Add({"a", "b"}, 0, 380.0, 0.0);
-  scene_.traffic().now.urgent[1] = 1;
-  scene_.traffic().now.blinker[1] = 1;
+  AddOneThatAsks(0.0);
   scene_.traffic().now.yielded_to[0] = 77;
   const Tactics tactics = scene_.Decide(0);
   EXPECT_EQ(tactics.yielded_to, scene_.traffic().number[1]);
