@@ -238,7 +238,7 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
     }
     const double s = SumoVehicle::getLanePosition(id);
     if (lane != last_lane) {
-      traffic->speed_limit[row] = SumoVehicle::getAllowedSpeed(id);
+      ReadAllowedSpeed(row, traffic);
       if (traffic->plan[row] != nullptr) FollowRoute(row, lane, traffic);
     } else if ((step_ + traffic->number[row]) % 10 == 0 && traffic->plan[row] != nullptr &&
                SumoVehicle::getRouteID(id) != coupled_[row].route_id) {
@@ -259,6 +259,17 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
     return false;  // It left the simulation.
   }
   return true;
+}
+
+void VehicleBridge::ReadAllowedSpeed(std::size_t row, Traffic* traffic) {
+  const std::string& id = records_[row].id;
+  const double max_speed = traffic->params[row].max_speed;
+  const bool by_agent = traffic->policy[row] != Policy::kSumo;
+  if (by_agent) SumoVehicle::setMaxSpeed(id, max_speed);
+  const double allowed = traffic->speed_limit[row] = SumoVehicle::getAllowedSpeed(id);
+  // SUMO expects a vehicle without checks to speed up to its maximum, whatever the road allows, and holds
+  // back for it all who have to yield: the maximum tells SUMO what the agent will not exceed.
+  if (by_agent && !coupled_[row].handed_back) SumoVehicle::setMaxSpeed(id, allowed);
 }
 
 void VehicleBridge::FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic) {
@@ -341,7 +352,7 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
     now.heading_error[row] =
         before.heading_error[row] + share * (now.heading_error[row] - before.heading_error[row]);
     now.speed[row] = speed * curves_[lane].scale();
-    now.accel[row] = (now.speed[row] - before.speed[row]) / dt;
+    if (speed > kStandingSpeed) now.accel[row] = (now.speed[row] - before.speed[row]) / dt;
     now.speed_ref[row] = now.speed[row];
     now.speed_pid[row] = {};
   }
@@ -470,6 +481,7 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   coupled.handed_back = hand_back;
   coupled.commanded = false;
   if (hand_back) SumoVehicle::setSpeed(id, -1.0);
+  ReadAllowedSpeed(row, traffic);
   SumoVehicle::setLaneChangeMode(id, hand_back ? kSumoLaneChanges : kNoLaneChanges);
   SumoVehicle::setSpeedMode(id, kAllChecks);
   coupled.checks_on = true;

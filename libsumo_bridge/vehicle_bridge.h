@@ -107,6 +107,7 @@ class VehicleBridge {
   void ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
   void ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
   void ReadPersons(double time, Traffic* traffic);
+  void ReadAllowedSpeed(std::size_t row, Traffic* traffic);
   void FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic);
   void Replan(std::size_t row, Traffic* traffic);
   void UpdateStops(std::size_t row, Traffic* traffic);
