@@ -126,6 +126,29 @@ LaneAdvice Advise(const RoadNetwork& network, const Lane& lane, const NextEdge& 
   return advice;
 }
 
+/// Can the changes of a lane wait? Behind a link that has to yield the traffic has gaps to change into, and
+/// who queues there on all lanes instead of the best one gets by in half the time.
+bool CanWait(const RoadNetwork& network, const LaneAdvice& advice, const NextEdge& next) {
+  constexpr double kRoomBehind = 20.0;  // [m] behind the link.
+  if (advice.connection == kNone || advice.changes == 0) return false;
+  const LaneAdvice& there = next.advice[network.lanes[advice.next].index];
+  const bool yields = LinkPriority(network.connections[advice.connection]) == 0;
+  return there.can_wait || (yields && there.changes != 0 && there.change_distance > kRoomBehind);
+}
+
+/// Edges as short as the pieces of a roundabout between two of its entries leave no time to change lanes.
+double ChangeDistance(const RoadNetwork& network, const LaneAdvice& advice, const NextEdge& next,
+                      double edge_length) {
+  constexpr double kShortest = 5.0;  // [m]
+  if (advice.connection != kNone) {
+    const LaneAdvice& there = next.advice[network.lanes[advice.next].index];
+    if (there.changes != 0 && there.change_distance > 0.0)
+      return edge_length + InternalLength(network, network.connections[advice.connection].via) +
+             there.change_distance;
+  }
+  return edge_length < kShortest ? 0.0 : edge_length;
+}
+
 /// [m] of the shortest way over the junction behind an edge; 0 if no lane leads on.
 double CrossingLength(const RoadNetwork& network, std::span<const LaneAdvice> lanes) {
   double shortest = kBehindArrival;
@@ -159,7 +182,12 @@ RoutePlan::RoutePlan(const RoadNetwork& network, std::vector<EdgeIndex> route, V
       advice[i] = Advise(network, lane, next, vehicle_class, &here[i]);
     }
     SetChanges(network.lanes[edge.first_lane].length, here);
-    for (std::size_t i = 0; i < lane_count; ++i) advice[i].changes = here[i].changes;
+    for (std::size_t i = 0; i < lane_count; ++i) {
+      advice[i].changes = here[i].changes;
+      advice[i].change_distance =
+          ChangeDistance(network, advice[i], next, network.lanes[edge.first_lane].length);
+      advice[i].can_wait = CanWait(network, advice[i], next);
+    }
     remaining += network.lanes[edge.first_lane].length + CrossingLength(network, advice);
     remaining_[k] = remaining;
     next = {&edge, here, advice};

@@ -17,6 +17,8 @@ struct LaneAdvice {
   LaneIndex next{kNone};      ///< Lane of the next route edge this lane leads to; kNone if none.
   std::int32_t connection{kNone};  ///< The connection there, index in RoadNetwork::connections.
   bool allowed{false};             ///< The vehicle class may use the lane.
+  double change_distance{0.0};     ///< [m] from the start of this edge within which the changes can be made.
+  bool can_wait{false};            ///< The changes can wait until behind a link that has to yield.
 };
 
 /// Lane planning along one route for one vehicle class: backward over its edges, which lanes lead on,

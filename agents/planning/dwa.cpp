@@ -316,7 +316,8 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
       const float beside = scratch->blocked_clearance[i][j],
                   clearance = std::min(courses.clearance[j], beside);
       if (beside < margin) {
-        if (j == 0 && beside > widest) {
+        // Squeezed it does what gives most room, but does not speed up against a limit.
+        if (j == 0 && beside > widest && speed <= std::max(reachable, static_cast<float>(c.speed))) {
           widest = beside;
           squeezed.accel = profiles.accel[i];
         }

@@ -17,6 +17,10 @@ constexpr double kCrawlSpeed = 1.0;
 constexpr double kStandingGap = 0.2;
 /// [m] before its lane's end a vehicle is let in; further back it has time to find a gap itself.
 constexpr double kLetInZone = 150.0;
+/// [m] of use left in its lane with which a vehicle changes even just before a junction, or in it.
+constexpr double kLastRoom = 50.0;
+/// [m] ahead of which nobody is let in yet.
+constexpr double kLetInReach = 50.0;
 /// [m] to a standing leader from which the ego can steer around its corner.
 constexpr double kTurnOutRoom = 5.0;
 /// [m] of its body a vehicle may have on the neighbour lane and still begin another change.
@@ -72,14 +76,22 @@ LaneIndex UsableNeighbor(const Ego& ego, int side) {
   return std::abs(Shift(ego, lane, neighbor)) < kMaxShift ? neighbor : kNone;
 }
 
+/// Do the ego's lane and its neighbour cross the junction side by side?
+bool LeadTogether(const Ego& ego, int side) {
+  const LaneAdvice& here = ego.Advice(0);
+  if (UsableNeighbor(ego, side) == kNone) return false;
+  const LaneAdvice& there = ego.Advice(side);
+  return here.next != kNone && there.next != kNone && ego.world.network->Neighbor(here.next, side) == there.next;
+}
+
 NeededChange FindNeededChange(const Ego& ego) {
   const LaneAdvice& advice = ego.Advice(0);
   NeededChange needed;
-  int changes = advice.changes;
+  int changes = advice.can_wait ? 0 : advice.changes;
   const Traffic& traffic = *ego.world.traffic;
   if (traffic.stop_lane[ego.row] != kNone) changes = traffic.stop_lane[ego.row] - ego.lane.index;
   if (changes != 0) {
-    needed = {changes > 0 ? 1 : -1, std::abs(changes), advice.free_distance - ego.s};
+    needed = {changes > 0 ? 1 : -1, std::abs(changes), advice.change_distance - ego.s};
     if (traffic.stop_lane[ego.row] != kNone)
       needed.remaining = std::min(needed.remaining, traffic.stop_distance[ego.row]);
   }
@@ -161,35 +173,48 @@ bool PassWithinLane(const Ego& ego, const Leader& hazard, double* target_d) {
   return true;
 }
 
-/// Makes room for the nearest vehicle ahead on a neighbour lane that must come over: one an edge, so that
-/// lanes merge like a zipper, and whoever stands at its lane's end, where it blocks all behind it.
-void LetIn(const Ego& ego, const Leader& leader, Tactics* tactics) {
+/// Does `other`, on a lane at this side of the ego's way, ask to be let in here?
+bool Asks(const Ego& ego, const Occupant& other, LaneIndex its_lane, int side) {
+  const Traffic& traffic = *ego.world.traffic;
+  return traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side &&
+         traffic.now.lane[other.row] == its_lane &&
+         ego.world.network->lanes[its_lane].length - other.s <= kLetInZone;
+}
+
+/// Makes room for the nearest vehicle ahead on a lane beside the ego's way that must come over: one an edge,
+/// so that lanes merge like a zipper, and whoever stands at its lane's end, where it blocks all behind it.
+void LetIn(const Ego& ego, const WayAhead& way, const Leader& leader, Tactics* tactics) {
   const Traffic& traffic = *ego.world.traffic;
   const double leader_front = leader.row == kNone ? 1e9 : leader.gap + traffic.params[leader.row].length;
+  const double reach = std::min(kLetInReach, leader_front);
   for (const int side : {-1, +1}) {
-    const LaneIndex neighbor = ego.world.network->Neighbor(ego.now().lane[ego.row], side);
-    if (neighbor == kNone) continue;
-    const Lane& its_lane = ego.world.network->lanes[neighbor];
-    for (const Occupant& other : ego.world.occupancy->On(neighbor)) {
-      const double front = other.s - ego.s;
-      if (front <= 0.0 || other.row == ego.row) continue;
-      if (front > 50.0 || front > leader_front) break;
-      const bool asks = traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side &&
-                        traffic.now.lane[other.row] == neighbor;
-      if (!asks || its_lane.length - other.s > kLetInZone) continue;
-      const double gap = front - traffic.params[other.row].length;
-      // Beside a vehicle that stands, waiting makes no room: who is further back lets it in.
-      if (gap < kStandingGap && traffic.now.speed[other.row] < kCrawlSpeed) continue;
-      const std::int32_t number = traffic.number[other.row];
-      const bool blocks_its_lane = traffic.now.speed[other.row] < kCrawlSpeed &&
-                                   its_lane.length - other.s < 2.0 * ego.params.lane_change.reserve;
-      if (tactics->yielded_to != kNone && tactics->yielded_to != number && !blocks_its_lane) break;
-      tactics->yielded_to = number;
-      const double decel = ego.params.lane_change.cooperation_decel;
-      tactics->speed_cap =
-          std::min(tactics->speed_cap,
-                   SoftCap(ego, FollowSpeed(ego, gap, traffic.now.speed[other.row], decel), decel));
-      break;
+    bool done = false;
+    for (int k = 0; k < way.count && way.lanes[k].start < reach && !done; ++k) {
+      const LaneIndex neighbor = ego.world.network->Neighbor(way.lanes[k].lane, side);
+      if (neighbor == kNone || (k > 0 && ego.world.network->lanes[neighbor].length > 30.0)) continue;
+      for (const Occupant& other : ego.world.occupancy->On(neighbor)) {
+        const double front = way.lanes[k].start + other.s;
+        if (front <= 0.0 || other.row == ego.row) continue;
+        if (front > reach) break;
+        if (!Asks(ego, other, neighbor, side)) continue;
+        // Whom SUMO drives asks for the follower's whole standstill gap.
+        const double gap = front - traffic.params[other.row].length -
+                           (traffic.driven[other.row] ? 0.0 : ego.vehicle.min_gap);
+        // Beside a vehicle that stands, waiting makes no room: who is further back lets it in.
+        if (gap < kStandingGap && traffic.now.speed[other.row] < kCrawlSpeed) continue;
+        const std::int32_t number = traffic.number[other.row];
+        const bool blocks_its_lane =
+            traffic.now.speed[other.row] < kCrawlSpeed &&
+            ego.world.network->lanes[neighbor].length - other.s < 2.0 * ego.params.lane_change.reserve;
+        done = true;
+        if (tactics->yielded_to != kNone && tactics->yielded_to != number && !blocks_its_lane) break;
+        tactics->yielded_to = number;
+        const double decel = ego.params.lane_change.cooperation_decel;
+        tactics->speed_cap =
+            std::min(tactics->speed_cap,
+                     SoftCap(ego, FollowSpeed(ego, gap, traffic.now.speed[other.row], decel), decel));
+        break;
+      }
     }
   }
 }
@@ -228,8 +253,9 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
   const double lookahead = needed.count * lookahead_per_lane;
   const bool urgent = needed.side != 0 && needed.remaining < lookahead;
   // Too near to the junction to bring the front across the border before it.
-  const bool too_late =
-      to_lane_end < 3.0 + 1.2 * ego.speed && !(urgent && needed.remaining <= to_lane_end + 1.0);
+  const bool too_late = to_lane_end < 3.0 + 1.2 * ego.speed &&
+                        !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
+                                     (needed.remaining < kLastRoom && LeadTogether(ego, needed.side))));
 
   if (std::abs(ego.d) > ego.HalfSpan() + kBodyOver) {
     ComeOver(ego, tactics);
@@ -265,8 +291,10 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     const LaneAdvice& here = ego.Advice(0);
     const double useful = there.free_distance - ego.s;
     // Not to a lane from which a change back would be needed at once.
-    if (there.changes != 0 && useful < std::abs(there.changes) * lookahead_per_lane + 100.0) continue;
-    if (there.free_distance < here.free_distance && useful < 300.0) continue;
+    if (!there.can_wait) {
+      if (there.changes != 0 && useful < std::abs(there.changes) * lookahead_per_lane + 100.0) continue;
+      if (there.free_distance < here.free_distance && useful < 300.0) continue;
+    }
     const Neighborhood beside = LookBeside(ego, neighbor);
     if (!GapAccepted(ego, beside.ahead, beside.behind, 0.0)) continue;
     const Lane& lane = ego.world.network->lanes[neighbor];
@@ -315,8 +343,11 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
       }
     }
     DecideChange(ego, needed, leader, &tactics);
-    if (tactics.lane_change == 0) LetIn(ego, leader, &tactics);
+  } else if (lane.internal) {
+    tactics.blinker = traffic.now.blinker[row];
+    tactics.urgent = traffic.now.urgent[row] != 0;
   }
+  if (tactics.lane_change == 0) LetIn(ego, way, leader, &tactics);
   if (!way.leads_on) {
     tactics.speed_cap =
         std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));
