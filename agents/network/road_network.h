@@ -31,6 +31,11 @@ struct Connection {
   std::int32_t request{kNone};  ///< Row of the junction's right-of-way matrix (links of normal lanes only).
 };
 
+/// Has who takes the connection to yield, with no signal to tell when?
+inline bool MustYield(const Connection& connection) {
+  return connection.signal == kNone && !(connection.state >= 'A' && connection.state <= 'Z');
+}
+
 struct Lane {
   std::string id;
   EdgeIndex edge{kNone};

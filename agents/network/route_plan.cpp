@@ -33,8 +33,7 @@ bool IsBetter(const Continuation& a, const Continuation& b) {
 
 /// SUMO asks a signalised link for its present color; a plan that outlives the color takes it for open.
 std::int32_t LinkPriority(const Connection& connection) {
-  const bool is_major = connection.state >= 'A' && connection.state <= 'Z';
-  return connection.signal != kNone || is_major ? 1 : 0;
+  return MustYield(connection) ? 0 : 1;
 }
 
 bool MayUse(const Lane& lane, VehicleClassMask vehicle_class) {
@@ -132,7 +131,7 @@ bool CanWait(const RoadNetwork& network, const LaneAdvice& advice, const NextEdg
   constexpr double kRoomBehind = 20.0;  // [m] behind the link.
   if (advice.connection == kNone || advice.changes == 0) return false;
   const LaneAdvice& there = next.advice[network.lanes[advice.next].index];
-  const bool yields = LinkPriority(network.connections[advice.connection]) == 0;
+  const bool yields = MustYield(network.connections[advice.connection]);
   return there.can_wait || (yields && there.changes != 0 && there.change_distance > kRoomBehind);
 }
 

@@ -61,12 +61,14 @@ Leader FirstOnWay(const World& world, AgentIndex ego, const WayAhead& way, bool 
   return {};
 }
 
-/// The nearest vehicle behind `s` on `lane`, looking back through the lanes that lead here.
+/// The nearest vehicle behind `s` on `lane`, looking back through the lanes that lead here. Who stands at a
+/// yield line before them goes after the ego.
 void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback, int depth,
-                Leader* nearest) {
+                bool behind_yield_line, Leader* nearest) {
   const auto occupants = world.occupancy->On(lane);
   for (auto it = occupants.rbegin(); it != occupants.rend(); ++it) {
     if (it->row == ego || it->s > s) continue;
+    if (behind_yield_line && world.traffic->now.speed[it->row] < kStanding) return;
     const double gap = s - it->s;
     if (gap < nearest->gap) *nearest = {it->row, gap, world.traffic->now.speed[it->row]};
     return;
@@ -79,7 +81,7 @@ void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, do
     const bool direct = connection.via == kNone ? connection.to == lane : connection.via == lane;
     if (!direct) continue;
     SearchBack(world, ego, connection.from, s + network.lanes[connection.from].length, lookback, depth - 1,
-               nearest);
+               MustYield(connection), nearest);
   }
 }
 
@@ -259,7 +261,7 @@ Leader FindLeaderOnLane(const World& world, AgentIndex ego, LaneIndex lane, doub
 
 Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback) {
   Leader follower;
-  SearchBack(world, ego, lane, s, lookback, 6, &follower);
+  SearchBack(world, ego, lane, s, lookback, 6, false, &follower);
   follower.gap -= world.traffic->params[ego].length;
   return follower;
 }

@@ -172,6 +172,30 @@ TEST(Results, APassengerIsNoRoadUser) {
 }
 
 // A vehicle type of each policy in one distribution: 0.5 idm, 0.3 dwa, 0.2 native of 100 vehicles.
+// The gaps in the main road's stream take as many from the side road as natively: SUMO, which tells who may
+// go, must not take agents for faster than the road allows.
+TEST(Coupling, WhoHasToYieldUsesTheGapsBetweenAgents) {
+  const TemporaryFolder folder;
+  const auto routes = folder.Write("own.rou.xml", R"(<routes>
+      <vType id="car" vClass="passenger"/>
+      <route id="main" edges="west_in east_out"/><route id="side" edges="south_in east_out"/>
+      <flow id="m" type="car" route="main" begin="0" end="400" probability="0.12" departSpeed="max"/>
+      <flow id="s" type="car" route="side" begin="0" end="400" vehsPerHour="1200" departSpeed="max"/>
+    </routes>)");
+  const auto through = [&](Policy policy) {
+    RunConfig config = OwnDemand("priority_crossing", routes, policy, 400.0);
+    config.results = folder.path() / "through.sqlite";
+    const RunReport report = RunResolved(config);
+    return Query(*config.results, fmt::format("SELECT COUNT(*) FROM trip JOIN vehicle USING (run_id, "
+                                              "vehicle_number) WHERE arrival_s IS NOT NULL AND vehicle_id "
+                                              "LIKE 's.%' AND run_id = {}",
+                                              report.run_id));
+  };
+  const double native = through(Policy::kSumo);
+  EXPECT_GT(native, 30.0);
+  EXPECT_GT(through(Policy::kDwa), 0.85 * native);
+}
+
 TEST(Coupling, AVTypeDistributionMixesPolicies) {
   const TemporaryFolder folder;
   const auto routes = folder.Write("mix.rou.xml", R"(<routes>

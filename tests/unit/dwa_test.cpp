@@ -143,6 +143,9 @@ TEST_F(DwaTest, SqueezedFromBothSidesItDoesNotBrakeInVain) {
   EXPECT_EQ(plan.status, PlanStatus::kNoFeasibleCommand);
   EXPECT_GT(plan.accel, -0.5);
   EXPECT_EQ(plan.target_d, context_.d);
+  // But it does not speed up against a limit, whatever room that would give.
+  context_.free_speed = 0.5 * context_.speed;
+  EXPECT_LE(MakePlan().accel, 1e-6);
 }
 
 // Both come on at 10 m/s, 40 m apart: the room is shared, so we plan to stop in less than if it stood.

@@ -85,6 +85,19 @@ TEST_F(ChainView, LeaderAndFollowerThroughTheJunction) {
   EXPECT_EQ(FindFollowerOnLane(world, 1, network_.FindLane("e1_0"), 20.0, 15.0).row, kNone);
 }
 
+// Who stands at a yield line before the lane goes after the ego; who comes on may not stop any more.
+TEST_F(ChainView, WhoStandsAtAYieldLineFollowsNobody) {
+  for (Connection& connection : network_.connections) {
+    if (!network_.lanes[connection.from].internal) connection.state = 'm';
+  }
+  scene_.Add({"e0", "e1", "e2"}, 0, 99.0, 0.0);
+  scene_.Add({"e1", "e2"}, 1, 10.0, 5.0);
+  const LaneIndex lane = network_.FindLane("e1_0");
+  EXPECT_EQ(FindFollowerOnLane(scene_.Look(), 1, lane, 10.0, 80.0).row, kNone);
+  scene_.traffic().now.speed[0] = 5.0;
+  EXPECT_EQ(FindFollowerOnLane(scene_.Look(), 1, lane, 10.0, 80.0).row, 0);
+}
+
 TEST_F(ChainView, NobodyAheadGivesAnInfiniteGap) {
   scene_.Add({"e0", "e1", "e2"}, 0, 50.0, 10.0);
   scene_.Add({"e0", "e1", "e2"}, 0, 30.0, 10.0);

@@ -174,6 +174,27 @@ TEST(RoutePlan, LanesThatMustYieldAreLeftBeforeTheyMerge) {
   EXPECT_EQ(RoutePlan(net.network, {0, 1, 2}, kCar).At(1, 0).changes, 0);
 }
 
+// Two lanes enter a ring; only the right one leaves it. Where the entry has to yield the change can wait
+// until in the ring, unless that is too short.
+TEST(RoutePlan, ChangesCanWaitUntilBehindAYieldLine) {
+  const auto plan_for = [](char state, double ring_length) {
+    NetBuilder net;
+    net.AddEdge("a", 2, 100.0).AddEdge("ring", 2, ring_length).AddEdge("c", 1, 80.0);
+    net.Connect("a_0", "ring_0").Connect("a_1", "ring_1").Connect("ring_0", "c_0");
+    net.network.connections[0].state = net.network.connections[1].state = state;
+    return RoutePlan(net.network, {0, 1, 2}, kCar);
+  };
+  const RoutePlan yields = plan_for('m', 30.0);
+  EXPECT_EQ(yields.At(0, 1).changes, -1);
+  EXPECT_TRUE(yields.At(0, 1).can_wait);
+  EXPECT_DOUBLE_EQ(yields.At(0, 1).change_distance, 130.0);
+  EXPECT_FALSE(yields.At(1, 1).can_wait);  // In the ring it cannot wait any more.
+  EXPECT_FALSE(plan_for('M', 30.0).At(0, 1).can_wait);
+  const RoutePlan short_ring = plan_for('m', 4.0);
+  EXPECT_FALSE(short_ring.At(0, 1).can_wait);
+  EXPECT_DOUBLE_EQ(short_ring.At(0, 1).change_distance, 100.0);
+}
+
 TEST(RoutePlan, EmptyRoute) {
   EXPECT_TRUE(RoutePlan(RoadNetwork{}, {}, kCar).route().empty());
 }
