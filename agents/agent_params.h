@@ -21,7 +21,7 @@ struct DwaParams {
 /// What an agent wants and tolerates on the road, whatever its policy.
 struct DrivingParams {
   double comfort_decel{4.0};
-  double max_lateral_accel{5.5};
+  double max_lateral_accel{7.0};
   double tracking_time{0.9};
   double tracking_distance{3.0};
   double max_course_angle{0.5};
@@ -86,7 +86,10 @@ struct AgentParams {
           "braking an agent plans with; it may use its type's decel and emergency decel when it must",
           "between the ISO 15622 comfort limit, 3.5, and SUMO's decel for cars, 4.5");
     field("driving.max_lateral_accel", p.driving.max_lateral_accel, "m/s^2", Range{0.5, 9},
-          "sets the speed in bends: v = sqrt(a / curvature)", "netconvert --junctions.limit-turn-speed 5.5");
+          "sets the speed in bends: v = sqrt(a / curvature), of the path ahead and of the turn the vehicle "
+          "is in",
+          "netconvert --junctions.limit-turn-speed 5.5 is the mean of a turn; a path that steers in and out "
+          "bends 1.3 times as much in its middle");
     field("driving.tracking_time", p.driving.tracking_time, "s", Range{0.2, 5},
           "time constant of the return to the reference path", "Stanley-type law, gain 1 / max(v t, d)");
     field("driving.tracking_distance", p.driving.tracking_distance, "m", Range{0.5, 20},

@@ -25,11 +25,8 @@ constexpr double kLetInReach = 50.0;
 constexpr double kTurnOutRoom = 5.0;
 /// [m] of its body a vehicle may have on the neighbour lane and still begin another change.
 constexpr double kBodyOver = 0.5;
-/// [m/s^2] braking an agent accepts to find a gap for a change it needs; [m/s] from which a lane's vehicles
-/// move past enough to wait for one; [m] of use left in its lane with which it waits in any case.
+/// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
-constexpr double kAlignSpeed = 1.5;
-constexpr double kAlignZone = 60.0;
 
 /// The change the route, or something that stands in the lane, asks for.
 struct NeededChange {
@@ -231,9 +228,7 @@ void PrepareChange(const Ego& ego, const NeededChange& needed, const Neighborhoo
   // Stop where the lane can still be left, not at its end.
   tactics->speed_cap = std::min(
       tactics->speed_cap, SafeSpeed(needed.remaining - reserve, 0.0, ego.params.driving.comfort_decel, 0.5));
-  // Beside a queue that stands there is no gap to wait for: further ahead it moves first.
-  const bool moves = beside.ahead.speed > kAlignSpeed || needed.remaining < kAlignZone;
-  if (urgency > 0.4 && beside.ahead.row != kNone && moves && ego.speed > 2.0) {
+  if (urgency > 0.4 && beside.ahead.row != kNone && ego.speed > 2.0) {
     const double wanted = std::max(
         2.0, FollowSpeed(ego, beside.ahead.gap, beside.ahead.speed, ego.params.driving.comfort_decel));
     tactics->speed_cap = std::min(tactics->speed_cap, SoftCap(ego, wanted, kAlignDecel));

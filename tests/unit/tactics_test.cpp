@@ -125,15 +125,6 @@ TEST(TacticsChain, LetsInBehindTheJunctionToo) {
   EXPECT_EQ(scene.Decide(0).yielded_to, kNone);
 }
 
-// Beside a queue that stands there is no gap to wait for; beside one that moves the ego takes its pace.
-TEST_F(TacticsTest, TakesThePaceOfALaneThatMoves) {
-  scene_.Add({"a", "b"}, 0, 200.0, 10.0);
-  scene_.Add({"a", "b"}, 1, 203.0, 3.0);
-  EXPECT_LT(scene_.Decide(0).speed_cap, 10.0);
-  scene_.traffic().now.speed[1] = 0.0;
-  EXPECT_GE(scene_.Decide(0).speed_cap, 10.0);
-}
-
 // The left lane is free and faster, but leads astray in 305 m: with a long lookahead a change back would be
 // due at once (35 s * 13.89 m/s + 30 m), with a short one (5 s) there is time to overtake.
 TEST_F(TacticsTest, NoChangeOfChoiceThatMustBeTakenBackAtOnce) {
