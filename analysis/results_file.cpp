@@ -180,7 +180,8 @@ void BindRow(const TripRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.vehicle_number, ToString(r.end), r.depart, r.arrival, r.duration, r.depart_delay,
        r.route_length, r.waiting_time, r.waiting_count, r.stop_time, r.time_loss, r.max_accel, r.max_decel,
        r.max_jerk, r.rms_jerk, r.max_lateral_accel, r.hard_braking_count, r.co2, r.nox, r.pmx, r.fuel,
-       r.electricity, r.steps, r.agent_steps, r.min_ttc);
+       r.electricity, r.steps, r.agent_steps, r.min_ttc, r.max_drac, r.ttc_exposed, r.ttc_integrated,
+       r.speed_variance);
 }
 
 const char* TableOf(const TrajectoryRow&) {
@@ -205,13 +206,67 @@ void BindRow(const Contact& r, std::int64_t run_id, Binder bind) {
        OrNull(r.second_lane), r.in_junction, r.first_speed, r.second_speed, r.closing_speed, r.max_depth);
 }
 
+/// A value, or nothing where it is undefined.
+std::optional<double> OrNull(double value, double undefined) {
+  return value == undefined ? std::nullopt : std::optional(value);
+}
+
 const char* TableOf(const Encounter&) {
   return "encounter";
 }
 void BindRow(const Encounter& r, std::int64_t run_id, Binder bind) {
-  bind(std::nullopt, run_id, r.first, r.second, r.first_agent, r.second_agent, r.begin, r.end, r.min_ttc,
-       r.min_ttc_time, r.x, r.y, OrNull(r.first_lane), OrNull(r.second_lane), r.in_junction, r.contact,
-       r.near_miss);
+  constexpr double kUndefined = Encounter::kUndefined;
+  const auto time_of = [](const std::optional<double>& value, double time) {
+    return value ? std::optional(time) : std::nullopt;
+  };
+  const auto ttc = OrNull(r.min_ttc, kUndefined), mttc = OrNull(r.min_mttc, kUndefined),
+             pet = OrNull(r.pet, kUndefined);
+  const auto drac = OrNull(r.max_drac, 0.0), closing = OrNull(r.max_closing_speed, 0.0);
+  bind(run_id, r.number, r.first, r.second, r.ego_is_first ? r.first : r.second,
+       r.ego_is_first ? r.second : r.first,
+       std::string(kEncounterTypeNames[static_cast<std::size_t>(r.type)]), SumoTypeCode(r.type, r.contact),
+       static_cast<std::int32_t>(r.severity), r.first_agent, r.second_agent, r.begin, r.end, r.critical, r.x,
+       r.y, OrNull(r.first_lane), OrNull(r.second_lane), r.in_junction, r.first_speed, r.second_speed);
+  bind(ttc, time_of(ttc, r.min_ttc_time), drac, time_of(drac, r.max_drac_time), mttc,
+       time_of(mttc, r.min_mttc_time), pet, time_of(pet, r.pet_time), r.min_distance, r.min_distance_time,
+       closing, time_of(closing, r.max_closing_speed_time));
+  if (r.contact) {
+    bind(r.first_delta_v, r.second_delta_v);
+  } else {
+    bind(std::nullopt, std::nullopt);
+  }
+  bind(r.contact, r.near_miss);
+}
+
+const char* TableOf(const EncounterSample&) {
+  return "encounter_sample";
+}
+void BindRow(const EncounterSample& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.encounter, r.time, r.first.x, r.first.y, r.first.heading, r.first.speed, r.first.accel,
+       r.second.x, r.second.y, r.second.heading, r.second.speed, r.second.accel);
+}
+
+const char* TableOf(const EdgeRow&) {
+  return "edge";
+}
+void BindRow(const EdgeRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.edge, r.id, r.lanes, r.length, r.in_junction);
+}
+
+const char* TableOf(const EdgeIntervalRow&) {
+  return "edge_interval";
+}
+void BindRow(const EdgeIntervalRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.begin, r.end, r.edge, r.vehicle_time, r.vehicle_distance, 3600.0 * r.flow, 1e3 * r.density,
+       r.speed, r.speed_variance, r.waiting_time, r.time_loss, r.entered, r.co2, r.nox, r.pmx, r.fuel,
+       r.electricity);
+}
+
+const char* TableOf(const HistogramRow&) {
+  return "histogram";
+}
+void BindRow(const HistogramRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.policy, r.measure, r.bin, r.lower, r.upper, r.vehicle_time);
 }
 
 const char* TableOf(const StepSummaryRow&) {
@@ -266,13 +321,13 @@ void LimitFileSize(std::int64_t max_bytes, SQLite::Database* database) {
 std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
   SQLite::Statement insert(
       *database,
-      "INSERT INTO run (started_at, status, scenario, config_file, policy, rules, seed, begin_s, end_s, "
-      "step_length_s, threads, sumo_options, parameters_json, input_hashes_json, lanewise_version, "
+      "INSERT INTO run (started_at, status, scenario, config_file, policy, rules, safety, seed, begin_s, "
+      "end_s, step_length_s, threads, sumo_options, parameters_json, input_hashes_json, lanewise_version, "
       "git_commit, "
       "sumo_version, compiler, machine) VALUES (strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Binder bind(&insert);
-  bind(info.scenario, info.config_file, info.policy, info.rules, info.seed, info.begin, info.end,
+  bind(info.scenario, info.config_file, info.policy, info.rules, info.safety, info.seed, info.begin, info.end,
        info.step_length, info.threads, info.sumo_options, info.parameters_json, info.input_hashes_json,
        info.lanewise_version, info.git_commit, info.sumo_version, info.compiler, info.machine);
   insert.exec();
@@ -416,7 +471,11 @@ template void RunWriter::Add(const std::vector<TripRow>&);
 template void RunWriter::Add(const std::vector<TrajectoryRow>&);
 template void RunWriter::Add(const std::vector<Contact>&);
 template void RunWriter::Add(const std::vector<Encounter>&);
+template void RunWriter::Add(const std::vector<EdgeRow>&);
+template void RunWriter::Add(const std::vector<EncounterSample>&);
 template void RunWriter::Add(const std::vector<StepSummaryRow>&);
+template void RunWriter::Add(const std::vector<EdgeIntervalRow>&);
+template void RunWriter::Add(const std::vector<HistogramRow>&);
 
 void RunWriter::WriteLoop() {
   const std::chrono::duration<double> interval(params_.commit_interval);
@@ -564,10 +623,10 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
       run.co2_kg = next().getDouble();
       run.co2_g_per_km = Optional<double>(next());
       run.hard_braking_count = next().getInt64();
-      run.collisions = next().getInt64();
-      run.agent_striking_outside_junctions = next().getInt64();
-      run.collisions_in_junctions = next().getInt64();
-      run.near_misses = next().getInt64();
+      run.collisions = Optional<std::int64_t>(next());
+      run.agent_striking_outside_junctions = Optional<std::int64_t>(next());
+      run.collisions_in_junctions = Optional<std::int64_t>(next());
+      run.near_misses = Optional<std::int64_t>(next());
       run.min_ttc = Optional<double>(next());
     }
     return runs;

@@ -14,6 +14,9 @@
 #include <vector>
 
 #include "agents/core/types.h"
+#include "analysis/comfort_histogram.h"
+#include "analysis/edge_recorder.h"
+#include "analysis/encounter.h"
 #include "analysis/safety_monitor.h"
 #include "analysis/trip_recorder.h"
 
@@ -24,7 +27,7 @@ class Database;
 namespace lanewise {
 
 inline constexpr std::uint32_t kResultsApplicationId = 0x4C414E45;  ///< 'LANE', as in results_schema.sql.
-inline constexpr std::uint32_t kSchemaVersion = 1;                  ///< user_version, likewise.
+inline constexpr std::uint32_t kSchemaVersion = 2;                  ///< user_version, likewise.
 
 /// An open results file. Everything that fails throws ConfigError naming the file, what was found and what is
 /// allowed.
@@ -62,6 +65,7 @@ struct RunInfo {
   std::string config_file{};
   std::string policy{};
   std::string rules{};
+  std::string safety{"full"};  ///< What is watched: off, contacts, full.
   std::int64_t seed{0};
   double begin{0.0};            ///< [s]
   std::optional<double> end{};  ///< [s] nothing: until all have arrived.
@@ -162,8 +166,8 @@ class RunWriter {
 
   std::int64_t run_id() const { return run_id_; }
 
-  /// Queues rows: VehicleRow, LaneRow, TripRow, TrajectoryRow, Contact, Encounter or StepSummaryRow. Waits
-  /// while the queue is full.
+  /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
+  /// StepSummaryRow, EdgeIntervalRow or HistogramRow. Waits while the queue is full.
   template <class Row>
   void Add(const std::vector<Row>& rows);
 
@@ -174,9 +178,10 @@ class RunWriter {
   void EndAs(RunStatus status, std::string message);
 
  private:
-  using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<TripRow>,
-                          std::vector<TrajectoryRow>, std::vector<Contact>, std::vector<Encounter>,
-                          std::vector<StepSummaryRow>>;
+  using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>,
+                          std::vector<TripRow>, std::vector<TrajectoryRow>, std::vector<Contact>,
+                          std::vector<Encounter>, std::vector<EncounterSample>, std::vector<StepSummaryRow>,
+                          std::vector<EdgeIntervalRow>, std::vector<HistogramRow>>;
 
   void WriteLoop();
   void Write(const Rows& rows);
@@ -221,10 +226,10 @@ struct RunSummary {
   double co2_kg{0.0};
   std::optional<double> co2_g_per_km{};
   std::int64_t hard_braking_count{0};
-  std::int64_t collisions{0};
-  std::int64_t agent_striking_outside_junctions{0};
-  std::int64_t collisions_in_junctions{0};
-  std::int64_t near_misses{0};
+  std::optional<std::int64_t> collisions{};  ///< Nothing: not watched; so below.
+  std::optional<std::int64_t> agent_striking_outside_junctions{};
+  std::optional<std::int64_t> collisions_in_junctions{};
+  std::optional<std::int64_t> near_misses{};
   std::optional<double> min_ttc{};  ///< [s]
 };
 

@@ -3,7 +3,7 @@
 -- user_version (and kSchemaVersion in results_file.h).
 
 PRAGMA application_id = 0x4C414E45;  -- 'LANE': marks a Lanewise results file.
-PRAGMA user_version = 1;
+PRAGMA user_version = 2;
 
 -- One row a run: what was run, on what, and how it ended. status 'running' with no process behind it: killed.
 CREATE TABLE run (
@@ -16,6 +16,7 @@ CREATE TABLE run (
   config_file TEXT NOT NULL,
   policy TEXT NOT NULL,                -- As asked for; what drove in fact: table policy_share.
   rules TEXT NOT NULL,                 -- Who answers for signals and right of way: 'agent' or 'sumo'.
+  safety TEXT NOT NULL CHECK (safety IN ('off', 'contacts', 'full')),  -- What was watched; off: no collisions known.
   seed INTEGER NOT NULL,
   begin_s REAL NOT NULL,
   end_s REAL,                          -- As asked for; NULL: until all have arrived.
@@ -69,6 +70,17 @@ CREATE TABLE lane (
   PRIMARY KEY (run_id, lane)
 ) WITHOUT ROWID;
 
+-- The edge numbers' meaning in other tables.
+CREATE TABLE edge (
+  run_id INTEGER NOT NULL REFERENCES run,
+  edge INTEGER NOT NULL,
+  edge_id TEXT NOT NULL,               -- SUMO's id.
+  lanes INTEGER NOT NULL,
+  length_m REAL NOT NULL,              -- Of its first lane.
+  in_junction INTEGER NOT NULL,
+  PRIMARY KEY (run_id, edge)
+) WITHOUT ROWID;
+
 -- One row a trip, written when it ends. Sums as in SUMO's tripinfo output.
 CREATE TABLE trip (
   run_id INTEGER NOT NULL REFERENCES run,
@@ -97,6 +109,10 @@ CREATE TABLE trip (
   steps INTEGER NOT NULL,
   agent_steps INTEGER NOT NULL,        -- Of these, with our agent at the wheel.
   min_ttc_s REAL,                      -- NULL: never below the encounter threshold.
+  max_drac_mps2 REAL,                  -- Of its TTC below the encounter threshold.
+  ttc_exposed_s REAL,                  -- Time with a TTC below the threshold (TET); NULL: not watched.
+  ttc_integrated_s2 REAL,              -- Integral of threshold - TTC over that time (TIT).
+  speed_variance_m2ps2 REAL,           -- Over the trip's time, planned stops excluded.
   PRIMARY KEY (run_id, vehicle_number)
 ) WITHOUT ROWID;
 
@@ -141,27 +157,102 @@ CREATE TABLE collision (
 );
 CREATE INDEX collision_of_run ON collision (run_id);
 
--- Pairs that came close in time, one row while their TTC stayed below the encounter threshold.
+-- Pairs that came close, one row an encounter: the time during which TTC, DRAC or PET crossed its threshold. Extreme
+-- values come with their times. ego is who follows or comes second (SUMO's word), foe the other.
 CREATE TABLE encounter (
-  encounter_id INTEGER PRIMARY KEY,
   run_id INTEGER NOT NULL REFERENCES run,
+  encounter INTEGER NOT NULL,          -- Running number within the run, in order of ending.
   first_vehicle INTEGER NOT NULL,      -- vehicle_number; the lower one.
   second_vehicle INTEGER NOT NULL,
-  first_agent INTEGER NOT NULL,        -- Agent-driven at the smallest TTC.
+  ego_vehicle INTEGER NOT NULL,
+  foe_vehicle INTEGER NOT NULL,
+  type TEXT NOT NULL CHECK (type IN ('following', 'merging', 'crossing', 'side_swipe', 'straddling', 'oncoming')),
+  type_code INTEGER NOT NULL,          -- SUMO's device.ssm, seen by ego; 111: they touched.
+  severity INTEGER NOT NULL,           -- 1 conflict, 2 serious, 3 contact.
+  first_agent INTEGER NOT NULL,        -- Agent-driven at the critical moment.
   second_agent INTEGER NOT NULL,
   begin_s REAL NOT NULL,
   end_s REAL NOT NULL,
-  min_ttc_s REAL NOT NULL,
-  min_ttc_time_s REAL NOT NULL,
-  x_m REAL NOT NULL,
+  critical_s REAL NOT NULL,            -- The moment of min_ttc_s; without one of pet_s, else of max_drac_mps2.
+  x_m REAL NOT NULL,                   -- Midway between both front bumpers at that moment.
   y_m REAL NOT NULL,
   first_lane INTEGER,
   second_lane INTEGER,
   in_junction INTEGER NOT NULL,
+  first_speed_mps REAL NOT NULL,       -- At that moment.
+  second_speed_mps REAL NOT NULL,
+  min_ttc_s REAL,
+  min_ttc_time_s REAL,
+  max_drac_mps2 REAL,
+  max_drac_time_s REAL,
+  min_mttc_s REAL,
+  min_mttc_time_s REAL,
+  pet_s REAL,
+  pet_time_s REAL,                     -- When the second one came.
+  min_distance_m REAL NOT NULL,        -- Between the boxes; 0: they touched.
+  min_distance_time_s REAL NOT NULL,
+  max_closing_speed_mps REAL,          -- Of a pair on collision course.
+  max_closing_speed_time_s REAL,
+  first_delta_v_mps REAL,              -- Change of velocity in a plastic impact at first touch; NULL without contact.
+  second_delta_v_mps REAL,
   contact INTEGER NOT NULL,            -- They touched: also in table collision.
-  near_miss INTEGER NOT NULL           -- Below the near-miss threshold without contact.
-);
-CREATE INDEX encounter_of_run ON encounter (run_id);
+  near_miss INTEGER NOT NULL,          -- TTC below the near-miss threshold without contact.
+  PRIMARY KEY (run_id, encounter)
+) WITHOUT ROWID;
+
+-- Event recorder: how both moved around the critical moment of an encounter.
+CREATE TABLE encounter_sample (
+  run_id INTEGER NOT NULL,
+  encounter INTEGER NOT NULL,
+  time_s REAL NOT NULL,
+  first_x_m REAL NOT NULL,             -- Middle of the front bumper, world.
+  first_y_m REAL NOT NULL,
+  first_heading_rad REAL NOT NULL,     -- Counter-clockwise from east.
+  first_speed_mps REAL NOT NULL,
+  first_accel_mps2 REAL NOT NULL,
+  second_x_m REAL NOT NULL,
+  second_y_m REAL NOT NULL,
+  second_heading_rad REAL NOT NULL,
+  second_speed_mps REAL NOT NULL,
+  second_accel_mps2 REAL NOT NULL,
+  PRIMARY KEY (run_id, encounter, time_s)
+) WITHOUT ROWID;
+
+-- Edges over intervals of time, by Edie's definitions: flow = distance / (length * time), density = time / (length *
+-- time), speed = flow / density. Only edges that were driven on in the interval; lanes together.
+CREATE TABLE edge_interval (
+  run_id INTEGER NOT NULL REFERENCES run,
+  begin_s REAL NOT NULL,
+  end_s REAL NOT NULL,
+  edge INTEGER NOT NULL,
+  vehicle_time_s REAL NOT NULL,        -- Spent on the edge by all vehicles together.
+  vehicle_distance_m REAL NOT NULL,    -- Driven on it by all together.
+  flow_veh_per_h REAL NOT NULL,
+  density_veh_per_km REAL NOT NULL,
+  speed_mps REAL NOT NULL,             -- Space mean.
+  speed_variance_m2ps2 REAL NOT NULL,  -- Over vehicle time.
+  waiting_time_s REAL NOT NULL,        -- Of vehicle_time_s slower than 0.1 m/s, planned stops excluded.
+  time_loss_s REAL NOT NULL,
+  entered INTEGER NOT NULL,            -- Vehicles that drove in or were inserted.
+  co2_mg REAL NOT NULL,
+  nox_mg REAL NOT NULL,
+  pmx_mg REAL NOT NULL,
+  fuel_mg REAL NOT NULL,
+  electricity_wh REAL NOT NULL,
+  PRIMARY KEY (run_id, begin_s, edge)
+) WITHOUT ROWID;
+
+-- Distributions over the driving time of a policy's vehicles. The outermost bins are open: their bound is NULL.
+CREATE TABLE histogram (
+  run_id INTEGER NOT NULL REFERENCES run,
+  policy TEXT NOT NULL,
+  measure TEXT NOT NULL CHECK (measure IN ('jerk_mps3', 'lateral_accel_mps2', 'accel_mps2')),
+  bin INTEGER NOT NULL,                -- In ascending order.
+  lower REAL,
+  upper REAL,
+  vehicle_time_s REAL NOT NULL,
+  PRIMARY KEY (run_id, policy, measure, bin)
+) WITHOUT ROWID;
 
 -- The whole network once a simulated second.
 CREATE TABLE step_summary (
@@ -197,7 +288,8 @@ CREATE TABLE policy_share (
   PRIMARY KEY (run_id, policy)
 ) WITHOUT ROWID;
 
--- One row a run for comparisons. Trip means are over arrived vehicles; distance and emissions over all.
+-- One row a run for comparisons. Trip means are over arrived vehicles; distance and emissions over all. Counts of
+-- what was not watched (run.safety) are NULL.
 CREATE VIEW v_run_summary AS
 SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, run.started_at,
        run.simulated_time_s, run.wall_time_s, run.inserted, run.still_running, run.not_inserted, run.teleported,
@@ -206,10 +298,12 @@ SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, ru
        t.mean_depart_delay_s, COALESCE(t.hard_braking_count, 0) AS hard_braking_count,
        COALESCE(t.distance_km, 0.0) AS distance_km, COALESCE(t.co2_kg, 0.0) AS co2_kg,
        1e3 * t.co2_kg / NULLIF(t.distance_km, 0.0) AS co2_g_per_km,
-       COALESCE(c.collisions, 0) AS collisions,
-       COALESCE(c.agent_striking_outside_junctions, 0) AS agent_striking_outside_junctions,
-       COALESCE(c.collisions_in_junctions, 0) AS collisions_in_junctions,
-       COALESCE(e.encounters, 0) AS encounters, COALESCE(e.near_misses, 0) AS near_misses, e.min_ttc_s
+       CASE WHEN run.safety <> 'off' THEN COALESCE(c.collisions, 0) END AS collisions,
+       CASE WHEN run.safety <> 'off' THEN COALESCE(c.agent_striking_outside_junctions, 0) END
+         AS agent_striking_outside_junctions,
+       CASE WHEN run.safety <> 'off' THEN COALESCE(c.collisions_in_junctions, 0) END AS collisions_in_junctions,
+       CASE WHEN run.safety = 'full' THEN COALESCE(e.encounters, 0) END AS encounters,
+       CASE WHEN run.safety = 'full' THEN COALESCE(e.near_misses, 0) END AS near_misses, e.min_ttc_s
 FROM run
 LEFT JOIN (SELECT run_id, SUM(trip_end = 'arrived') AS arrived,
                   AVG(CASE WHEN trip_end = 'arrived' THEN duration_s END) AS mean_duration_s,
@@ -226,3 +320,33 @@ LEFT JOIN (SELECT run_id, COUNT(*) AS collisions,
 LEFT JOIN (SELECT run_id, COUNT(*) AS encounters, SUM(near_miss) AS near_misses, MIN(min_ttc_s) AS min_ttc_s
            FROM encounter GROUP BY run_id) AS e ON e.run_id = run.run_id
 ORDER BY run.run_id;
+
+-- Rates of a run, per vehicle-kilometre and vehicle-hour driven by all vehicles together.
+CREATE VIEW v_run_rates AS
+SELECT s.run_id, s.scenario, s.policy, s.rules, s.seed, s.status,
+       t.vehicle_km, t.vehicle_h,
+       1e3 * s.collisions / t.vehicle_km AS collisions_per_1000_km, 1e3 * s.collisions / t.vehicle_h AS collisions_per_1000_h,
+       s.encounters / t.vehicle_km AS encounters_per_km, s.encounters / t.vehicle_h AS encounters_per_h,
+       e.serious / t.vehicle_km AS serious_encounters_per_km, e.serious / t.vehicle_h AS serious_encounters_per_h,
+       s.near_misses / t.vehicle_km AS near_misses_per_km, s.near_misses / t.vehicle_h AS near_misses_per_h,
+       t.ttc_exposed_s / t.vehicle_h AS ttc_exposed_s_per_h,
+       s.hard_braking_count / t.vehicle_km AS hard_brakings_per_km, s.hard_braking_count / t.vehicle_h AS hard_brakings_per_h,
+       t.stops / t.vehicle_km AS stops_per_km, t.stops / t.vehicle_h AS stops_per_h,
+       t.time_loss_s / t.vehicle_km AS time_loss_s_per_km,
+       t.vehicle_km / t.vehicle_h AS mean_speed_km_per_h,
+       1e-3 * t.co2_mg / t.vehicle_km AS co2_g_per_km, 1e-3 * t.co2_mg / t.vehicle_h AS co2_g_per_h,
+       t.nox_mg / t.vehicle_km AS nox_mg_per_km, t.nox_mg / t.vehicle_h AS nox_mg_per_h,
+       t.pmx_mg / t.vehicle_km AS pmx_mg_per_km, t.pmx_mg / t.vehicle_h AS pmx_mg_per_h,
+       1e-3 * t.fuel_mg / t.vehicle_km AS fuel_g_per_km, 1e-3 * t.fuel_mg / t.vehicle_h AS fuel_g_per_h,
+       t.electricity_wh / t.vehicle_km AS electricity_wh_per_km,
+       t.electricity_wh / t.vehicle_h AS electricity_wh_per_h
+FROM v_run_summary AS s
+JOIN (SELECT run_id, NULLIF(SUM(route_length_m) / 1e3, 0.0) AS vehicle_km, NULLIF(SUM(duration_s) / 3600.0, 0.0) AS vehicle_h,
+             SUM(waiting_count) AS stops, SUM(time_loss_s) AS time_loss_s, SUM(ttc_exposed_s) AS ttc_exposed_s,
+             SUM(co2_mg) AS co2_mg, SUM(nox_mg) AS nox_mg, SUM(pmx_mg) AS pmx_mg, SUM(fuel_mg) AS fuel_mg,
+             SUM(electricity_wh) AS electricity_wh
+      FROM trip GROUP BY run_id) AS t ON t.run_id = s.run_id
+LEFT JOIN (SELECT run.run_id, CASE WHEN run.safety = 'full' THEN
+                    (SELECT COUNT(*) FROM encounter WHERE encounter.run_id = run.run_id AND severity >= 2) END AS serious
+           FROM run) AS e ON e.run_id = s.run_id
+ORDER BY s.run_id;

@@ -346,6 +346,14 @@ void SafetyMonitor::UpdateEncounter(const TrafficFrame& frame, const ClosePair& 
     encounter.begin = frame.time;
   }
   encounter.end = frame.time;
+  const double distance =
+      pair.ttc == 0.0 ? 0.0
+                      : Distance(VehicleAt(frame, static_cast<std::size_t>(pair.first_row)).footprint,
+                                 VehicleAt(frame, static_cast<std::size_t>(pair.second_row)).footprint);
+  if (distance < encounter.min_distance) {
+    encounter.min_distance = distance;
+    encounter.min_distance_time = frame.time;
+  }
   encounter.contact = encounter.contact || pair.depth > params_.contact_depth;
   if (pair.ttc < encounter.min_ttc) {
     const auto i = static_cast<std::size_t>(pair.first_row), j = static_cast<std::size_t>(pair.second_row);
@@ -358,13 +366,19 @@ void SafetyMonitor::UpdateEncounter(const TrafficFrame& frame, const ClosePair& 
     encounter.first_lane = frame.lane[i];
     encounter.second_lane = frame.lane[j];
     encounter.in_junction = frame.in_junction[i] || frame.in_junction[j];
+    encounter.critical = frame.time;
+    encounter.first_speed = frame.speed[i];
+    encounter.second_speed = frame.speed[j];
   }
   encounter.near_miss = !encounter.contact && encounter.min_ttc < params_.ttc_near_miss;
 }
 
 void SafetyMonitor::CloseUntil(double last_seen) {
   MoveFinished(last_seen, &open_contacts_, &finished_contacts_);
+  const std::size_t first_new = finished_encounters_.size();
   MoveFinished(last_seen, &open_encounters_, &finished_encounters_);
+  for (std::size_t k = first_new; k < finished_encounters_.size(); ++k)
+    finished_encounters_[k].number = encounter_count_++;
 }
 
 void SafetyMonitor::Finish() {

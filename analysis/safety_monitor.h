@@ -3,15 +3,21 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <string_view>
 #include <unordered_map>
 #include <vector>
 
 #include "agents/core/geometry.h"
 #include "agents/core/types.h"
 #include "agents/sensing/spatial_grid.h"
+#include "analysis/encounter.h"
 #include "analysis/traffic_frame.h"
 
 namespace lanewise {
+
+/// What is watched.
+enum class SafetyLevel : std::uint8_t { kOff, kContacts, kFull };
+inline constexpr std::string_view kSafetyLevelNames[] = {"off", "contacts", "full"};
 
 struct SafetyParams {
   double ttc_encounter{3.0};    ///< [s] a pair below it has an encounter (SUMO's SSM default).
@@ -44,24 +50,6 @@ struct Contact {
   bool striking_agent() const {
     return striking != kNone && (striking == first ? first_agent : second_agent);
   }
-};
-
-/// One encounter of a pair: the time during which its TTC is below SafetyParams::ttc_encounter.
-struct Encounter {
-  std::int32_t first{kNone};  ///< Vehicle number; first < second.
-  std::int32_t second{kNone};
-  bool first_agent{false};  ///< Agent-driven at min_ttc_time.
-  bool second_agent{false};
-  double begin{0.0};                                        ///< [s]
-  double end{0.0};                                          ///< [s] last step below the threshold.
-  double min_ttc{std::numeric_limits<double>::infinity()};  ///< [s]; 0 if they touched.
-  double min_ttc_time{0.0};  ///< [s] simulated time of it (the first, if several).
-  double x{0.0}, y{0.0};     ///< [m] midway between both front bumpers at that time.
-  LaneIndex first_lane{kNone};
-  LaneIndex second_lane{kNone};
-  bool in_junction{false};  ///< Either of them was at that time.
-  bool contact{false};      ///< The boxes touched.
-  bool near_miss{false};    ///< min_ttc below ttc_near_miss and no contact.
 };
 
 /// Watches all pairs of road users on their true 2-D poses. TTC: time until the boxes touch if both keep
@@ -132,6 +120,7 @@ class SafetyMonitor {
   std::vector<Contact> finished_contacts_;
   std::vector<Encounter> finished_encounters_;
   std::int64_t contact_count_{0};
+  std::int32_t encounter_count_{0};  // Finished ones.
 };
 
 /// A vehicle at the moment of first touch.

@@ -48,7 +48,8 @@ void TripRecorder::Depart(const VehicleRow& vehicle) {
   trip.row.depart_delay = vehicle.depart_delay;
 }
 
-void TripRecorder::Observe(const TrafficFrame& frame, std::span<const double> row_ttc) {
+void TripRecorder::Observe(const TrafficFrame& frame, std::span<const double> row_ttc,
+                           std::span<const double> row_drac) {
   LANEWISE_CHECK(row_ttc.empty() || row_ttc.size() == frame.size());
   const std::size_t rows = frame.size();
   // Each row writes its own vehicle's slot only.
@@ -57,9 +58,15 @@ void TripRecorder::Observe(const TrafficFrame& frame, std::span<const double> ro
     const auto number = static_cast<std::size_t>(frame.vehicle_number[i]);
     if (number >= slot_of_.size() || slot_of_[number] == kNone) continue;
     Trip& trip = trips_[static_cast<std::size_t>(slot_of_[number])];
-    if (!row_ttc.empty() && std::isfinite(row_ttc[i])) {
-      trip.row.min_ttc = std::min(trip.row.min_ttc.value_or(row_ttc[i]), row_ttc[i]);
+    if (!row_ttc.empty()) {
+      TripRow& row = trip.row;
+      const bool close = row_ttc[i] < params_.ttc_encounter;
+      row.ttc_exposed = row.ttc_exposed.value_or(0.0) + (close ? step_length_ : 0.0);
+      row.ttc_integrated = row.ttc_integrated.value_or(0.0) +
+                           (close ? (params_.ttc_encounter - row_ttc[i]) * step_length_ : 0.0);
+      if (close) row.min_ttc = std::min(row.min_ttc.value_or(row_ttc[i]), row_ttc[i]);
     }
+    if (!row_drac.empty() && row_drac[i] > 0.0) RaiseTo(row_drac[i], &trip.row.max_drac);
     if (trip.inserted) AddStep(frame, i, &trip);
     trip.inserted = true;
   }
@@ -82,6 +89,11 @@ void TripRecorder::AddStep(const TrafficFrame& frame, std::size_t i, Trip* trip)
     row.stop_time += dt;
   } else if (frame.allowed_speed[i] > 0.0) {
     row.time_loss += dt * (1.0 - std::min(speed, frame.allowed_speed[i]) / frame.allowed_speed[i]);
+  }
+  if (!frame.planned_stop[i]) {
+    trip->speeds += speed;
+    trip->speed_squares += speed * speed;
+    ++trip->moving_steps;
   }
 
   RaiseTo(std::max(0.0, accel), &row.max_accel);
@@ -116,6 +128,11 @@ TripRow TripRecorder::Finish(std::int32_t vehicle_number, double time, TripEnd e
   if (end == TripEnd::kArrived) row.arrival = time;
   row.duration = time - row.depart;
   if (trip.jerks > 0) row.rms_jerk = std::sqrt(trip.jerk_squares / static_cast<double>(trip.jerks));
+  if (trip.moving_steps > 0) {
+    const auto steps = static_cast<double>(trip.moving_steps);
+    const double mean = trip.speeds / steps;
+    row.speed_variance = std::max(0.0, trip.speed_squares / steps - mean * mean);
+  }
   free_slots_.push_back(slot_of_[number]);
   slot_of_[number] = kNone;
   return row;

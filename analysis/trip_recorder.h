@@ -55,11 +55,17 @@ struct TripRow {
   std::int64_t steps{0};                      ///< Steps driven.
   std::int64_t agent_steps{0};                ///< Of these, with our agent at the wheel.
   std::optional<double> min_ttc{};            ///< [s] nothing if never below the encounter threshold.
+  std::optional<double> max_drac{};           ///< [m/s^2] nothing if never on a collision course.
+  std::optional<double> ttc_exposed{};     ///< [s] time with a TTC below the encounter threshold: TET (M. M.
+                                           ///< Minderhoud, P. H. L. Bovy 2001); nothing: not watched.
+  std::optional<double> ttc_integrated{};  ///< [s^2] integral of threshold - TTC over that time: TIT.
+  std::optional<double> speed_variance{};  ///< [m^2/s^2] over the time driven, planned stops excluded.
 };
 
 struct TripParams {
   double halting_speed{0.1};  ///< [m/s] slower is waiting (SUMO).
   double hard_braking{4.5};   ///< [m/s^2] a deceleration.
+  double ttc_encounter{3.0};  ///< [s] as SafetyParams: what the exposure is measured against.
 };
 
 /// Sums up each vehicle's trip over the frames. Holds rows of vehicles under way only.
@@ -71,10 +77,11 @@ class TripRecorder {
   /// From now on the vehicle may appear in frames.
   void Depart(const VehicleRow& vehicle);
 
-  /// Adds one step. Rows of vehicles that never departed here are ignored (pedestrians, say). row_ttc [s] as
-  /// of SafetyMonitor, or empty. The first frame of a vehicle is its insertion: it has not driven yet, so
-  /// only its TTC counts.
-  void Observe(const TrafficFrame& frame, std::span<const double> row_ttc);
+  /// Adds one step. Rows of vehicles that never departed here are ignored (pedestrians, say). row_ttc [s]
+  /// and row_drac [m/s^2] as of SafetyMonitor, or empty. The first frame of a vehicle is its insertion: it
+  /// has not driven yet, so only its TTC counts.
+  void Observe(const TrafficFrame& frame, std::span<const double> row_ttc,
+               std::span<const double> row_drac = {});
 
   /// Closes the trip. SUMO removes a vehicle within its last step, before a frame could show it: the sums
   /// lack that part of a step.
@@ -89,7 +96,9 @@ class TripRecorder {
     double last_accel{0.0};    // [m/s^2]
     double jerk_squares{0.0};  // [m^2/s^6] sum.
     std::int64_t jerks{0};
-    bool inserted{false};  // Its first frame was seen.
+    double speeds{0.0}, speed_squares{0.0};  // [m/s], [m^2/s^2] sums outside planned stops.
+    std::int64_t moving_steps{0};            // Likewise.
+    bool inserted{false};                    // Its first frame was seen.
     bool waiting{false};
     bool braking_hard{false};
   };

@@ -58,6 +58,9 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
     if (summary.run_id == report.run_id) a = summary;
   }
   const auto count = [](std::int64_t value) { return fmt::format("{}", value); };
+  const std::int64_t n_in_junctions = n.collisions_in_junctions.value_or(0),
+                     a_in_junctions = a.collisions_in_junctions.value_or(0),
+                     a_striking = a.agent_striking_outside_junctions.value_or(0);
   fmt::print("\n{} seed {}, step {} s, {} threads, rules = {}\n\n", config.scenario, config.seed,
              config.step_length, config.threads == 0 ? "all" : fmt::format("{}", config.threads),
              kRulesNames[static_cast<std::size_t>(config.rules)]);
@@ -73,15 +76,16 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
             fmt::format("{:.1f}", a.mean_duration.value_or(0.0)), "", true);
   table.Row("teleports", count(native_report.outcome.teleported), count(report.outcome.teleported), "0",
             report.outcome.teleported == 0);
-  table.Row("contacts outside junctions", count(n.collisions - n.collisions_in_junctions),
-            count(a.collisions - a.collisions_in_junctions), "", true);
-  table.Row("  of these with an agent striking", count(n.agent_striking_outside_junctions),
-            count(a.agent_striking_outside_junctions), "0", a.agent_striking_outside_junctions == 0);
-  table.Row("contacts inside junctions", count(n.collisions_in_junctions), count(a.collisions_in_junctions),
-            "<= native", a.collisions_in_junctions <= n.collisions_in_junctions);
+  table.Row("contacts outside junctions", count(n.collisions.value_or(0) - n_in_junctions),
+            count(a.collisions.value_or(0) - a_in_junctions), "", true);
+  table.Row("  of these with an agent striking", count(n.agent_striking_outside_junctions.value_or(0)),
+            count(a_striking), "0", a_striking == 0);
+  table.Row("contacts inside junctions", count(n_in_junctions), count(a_in_junctions), "<= native",
+            a_in_junctions <= n_in_junctions);
   table.Row("halts at a lane's end for want of a change", "-", count(report.lane_end_halts), "0",
             report.lane_end_halts == 0);
-  table.Row("near misses (TTC < 1.5 s)", count(n.near_misses), count(a.near_misses), "", true);
+  table.Row("near misses (TTC < 1.5 s)", count(n.near_misses.value_or(0)), count(a.near_misses.value_or(0)),
+            "", true);
   table.Row("CO2 [g/km]", fmt::format("{:.1f}", n.co2_g_per_km.value_or(0.0)),
             fmt::format("{:.1f}", a.co2_g_per_km.value_or(0.0)), "", true);
   for (std::size_t i = 0; i < kAuditCauses; ++i) {

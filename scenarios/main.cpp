@@ -97,9 +97,9 @@ int Report(const RunConfig& config, const RunReport& report) {
              config.scenario, o.inserted, o.arrived, o.still_running, o.not_inserted, o.teleported);
   fmt::print(
       "{:.0f} s simulated in {:.1f} s ({:.1f} x real time): SUMO {:.1f} s, coupling {:.1f} s, agents {:.1f} "
-      "s, measures {:.1f} s\n",
+      "s, measures {:.1f} s (safety {:.1f} s)\n",
       o.simulated_time, o.wall_time, o.wall_time > 0 ? o.simulated_time / o.wall_time : 0.0, o.sumo_time,
-      report.coupling_time, report.agent_time, report.record_time);
+      report.coupling_time, report.agent_time, report.record_time, report.safety_time);
   for (const PolicyShareRow& share : o.policy_shares) {
     fmt::print("policy {}: {} vehicles, {:.1f} % of their steps agent-driven\n", share.policy, share.vehicles,
                share.vehicle_steps > 0
@@ -181,6 +181,15 @@ int Main(int argc, char** argv) {
   run->add_option("--sample-period", run_options.config.sample_period,
                   "[s] between trajectory rows; 0 = every step")
       ->capture_default_str();
+  std::string safety{"full"};
+  run->add_option(
+         "--safety", safety,
+         "what is watched: off, contacts (who touches whom), full (contacts and encounters: TTC, DRAC, "
+         "PET and the rest)")
+      ->capture_default_str();
+  run->add_option("--edge-interval", run_options.config.edge_interval,
+                  "[s] of the intervals of flow, density and speed by edge; 0 = none")
+      ->capture_default_str();
   run->footer(
       "Examples:\n"
       "  lanewise run --scenario town --results town.sqlite\n"
@@ -226,6 +235,7 @@ int Main(int argc, char** argv) {
 
   SumoSession::EnsureHome();
   if (run->parsed()) {
+    run_options.config.safety_level = ParseSafetyLevel(safety);
     const RunConfig config = Finish(&run_options, sumo_options);
     return Report(config, Run(config));
   }

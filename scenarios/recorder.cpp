@@ -1,5 +1,6 @@
 #include "scenarios/recorder.h"
 
+#include <chrono>
 #include <cmath>
 
 #include "agents/core/geometry.h"
@@ -19,12 +20,14 @@ bool IsDue(std::int64_t step, double period, double step_length) {
 
 }  // namespace
 
-Recorder::Recorder(const RoadNetwork& network, double step_length, double sample_period, RunWriter* writer)
+Recorder::Recorder(const RoadNetwork& network, const RecorderParams& params, RunWriter* writer)
     : network_(network),
-      step_length_(step_length),
-      sample_period_(sample_period),
+      params_(params),
       writer_(writer),
-      trips_(step_length),
+      safety_(params.safety),
+      trips_(params.step_length, {.ttc_encounter = params.safety.ttc_encounter}),
+      edges_(network, params.begin, params.step_length, params.edge_interval),
+      comfort_(params.step_length),
       shares_(std::size(kPolicyNames)) {
   for (std::size_t i = 0; i < shares_.size(); ++i) shares_[i].policy = kPolicyNames[i];
   if (writer_ == nullptr) return;
@@ -32,18 +35,32 @@ Recorder::Recorder(const RoadNetwork& network, double step_length, double sample
   for (std::size_t i = 0; i < network.lanes.size(); ++i)
     lanes.push_back({static_cast<LaneIndex>(i), network.lanes[i].id});
   writer_->Add(lanes);
+  std::vector<EdgeRow> edges;
+  for (std::size_t i = 0; i < network.edges.size(); ++i) {
+    const Edge& edge = network.edges[i];
+    const double length = edge.first_lane == kNone ? 0.0 : network.lanes[edge.first_lane].length;
+    edges.push_back({static_cast<EdgeIndex>(i), edge.id, edge.lane_count, length,
+                     edge.function == EdgeFunction::kInternal});
+  }
+  writer_->Add(edges);
 }
 
 void Recorder::Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic,
                        const VehicleBridge& bridge) {
   Depart(traffic, bridge);
   FillFrame(step, time, traffic, bridge);
-  safety_.Observe(frame_);
+  if (params_.safety_level != SafetyLevel::kOff) {
+    const auto start = std::chrono::steady_clock::now();
+    safety_.Observe(frame_);
+    safety_time_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
   trips_.Observe(frame_, safety_.row_ttc());
+  edges_.Observe(frame_);
+  comfort_.Observe(frame_);
   for (const Departure& gone : bridge.gone())
     FinishTrip(gone.number, time, gone.arrived ? TripEnd::kArrived : TripEnd::kVaporized);
-  if (IsDue(step, sample_period_, step_length_)) Sample();
-  if (IsDue(step, 1.0, step_length_)) {
+  if (IsDue(step, params_.sample_period, params_.step_length)) Sample();
+  if (IsDue(step, 1.0, params_.step_length)) {
     Summarize(wall_time, bridge);
     Flush();
   }
@@ -57,6 +74,7 @@ void Recorder::Depart(const Traffic& traffic, const VehicleBridge& bridge) {
                          std::string(kPolicyNames[static_cast<std::size_t>(policy)]), record.depart,
                          record.depart_delay, traffic.params[row].length, traffic.params[row].width});
     trips_.Depart(vehicles_.back());
+    comfort_.Depart(traffic.number[row], vehicles_.back().policy);
     ++inserted_;
     ++shares_[static_cast<std::size_t>(policy)].vehicles;
   }
@@ -159,9 +177,11 @@ void Recorder::Flush() {
     writer_->Add(summaries_);
     writer_->Add(safety_.TakeFinishedContacts());
     writer_->Add(safety_.TakeFinishedEncounters());
+    writer_->Add(edges_.TakeFinished());
   } else {
     safety_.TakeFinishedContacts();
     safety_.TakeFinishedEncounters();
+    edges_.TakeFinished();
   }
   vehicles_.clear();
   finished_trips_.clear();
@@ -173,7 +193,9 @@ void Recorder::Finish(double time) {
   for (const std::int32_t number : trips_.UnderWay())
     finished_trips_.push_back(trips_.Finish(number, time, TripEnd::kRunning));
   safety_.Finish();
+  edges_.Finish(time);
   Flush();
+  if (writer_ != nullptr) writer_->Add(comfort_.Rows());
 }
 
 std::vector<PolicyShareRow> Recorder::policy_shares() const {

@@ -6,6 +6,8 @@
 
 #include "agents/network/road_network.h"
 #include "agents/traffic.h"
+#include "analysis/comfort_histogram.h"
+#include "analysis/edge_recorder.h"
 #include "analysis/results_file.h"
 #include "analysis/safety_monitor.h"
 #include "analysis/traffic_frame.h"
@@ -14,11 +16,20 @@
 
 namespace lanewise {
 
+struct RecorderParams {
+  double begin{0.0};          ///< [s] simulated time before the first step.
+  double step_length{0.1};    ///< [s]
+  double sample_period{1.0};  ///< [s] of trajectory rows; 0 = every step.
+  double edge_interval{0.0};  ///< [s] of rows of edge_interval; 0 = none.
+  SafetyLevel safety_level{SafetyLevel::kFull};
+  SafetyParams safety;
+};
+
 /// Turns the traffic of each step into results: safety events, trips, samples, summaries. Works without
 /// a results file too (then only the totals are kept).
 class Recorder {
  public:
-  Recorder(const RoadNetwork& network, double step_length, double sample_period, RunWriter* writer);
+  Recorder(const RoadNetwork& network, const RecorderParams& params, RunWriter* writer);
 
   void Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic,
                const VehicleBridge& bridge);
@@ -32,6 +43,7 @@ class Recorder {
   std::int64_t vaporized() const { return vaporized_; }
   std::int64_t running() const { return inserted_ - arrived_ - vaporized_; }
   std::vector<PolicyShareRow> policy_shares() const;
+  double safety_time() const { return safety_time_; }  ///< [s] wall time in the safety engine.
 
  private:
   void FillFrame(std::int64_t step, double time, const Traffic& traffic, const VehicleBridge& bridge);
@@ -42,16 +54,19 @@ class Recorder {
   void Flush();
 
   const RoadNetwork& network_;
-  double step_length_, sample_period_;
+  RecorderParams params_;
   RunWriter* writer_;
   TrafficFrame frame_;
   SafetyMonitor safety_;
   TripRecorder trips_;
+  EdgeRecorder edges_;
+  ComfortHistogram comfort_;
   std::vector<VehicleRow> vehicles_;
   std::vector<TripRow> finished_trips_;
   std::vector<TrajectoryRow> samples_;
   std::vector<StepSummaryRow> summaries_;
   std::vector<PolicyShareRow> shares_;  // By Policy.
+  double safety_time_{0.0};             // [s]
   std::int64_t vehicle_steps_{0}, agent_steps_{0}, inserted_{0}, arrived_{0}, vaporized_{0};
 };
 

@@ -71,6 +71,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.config_file = config.config_file.empty() ? config.net_file.string() : config.config_file.string();
   info.policy = kPolicyNames[static_cast<std::size_t>(config.policy)];
   info.rules = kRulesNames[static_cast<std::size_t>(config.rules)];
+  info.safety = kSafetyLevelNames[static_cast<std::size_t>(config.safety_level)];
   info.seed = config.seed;
   if (!config.config_file.empty()) info.begin = ReadSumoConfig(config.config_file).begin;
   info.end = config.end;
@@ -136,7 +137,12 @@ RunReport Run(const RunConfig& config) {
   Commands commands;
   AgentPipeline pipeline(network, curves, effective.params);
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules);
-  Recorder recorder(network, effective.step_length, effective.sample_period, writer.get());
+  const double dt = session.step_length();
+  const double begin = session.time();
+  Recorder recorder(network,
+                    {begin, effective.step_length, effective.sample_period, effective.edge_interval,
+                     effective.safety_level, effective.safety},
+                    writer.get());
   Progress progress(
       fmt::format("{} [{}]", effective.scenario, kPolicyNames[static_cast<std::size_t>(effective.policy)]),
       effective.end, effective.quiet);
@@ -144,8 +150,6 @@ RunReport Run(const RunConfig& config) {
   RunReport report;
   RunOutcome& outcome = report.outcome;
   const InterruptGuard interrupt;
-  const double dt = session.step_length();
-  const double begin = session.time();
 
   try {
     while (session.ExpectedNumber() > 0 && (!effective.end || session.time() < *effective.end - 0.5 * dt)) {
@@ -169,6 +173,7 @@ RunReport Run(const RunConfig& config) {
           fmt::format("at {:.1f} s: {}", begin + static_cast<double>(outcome.steps) * dt, error.what()));
     throw;
   }
+  report.safety_time = recorder.safety_time();
   const double end = session.time();
   Timed(&report.record_time, [&] { recorder.Finish(end); });
   outcome.status = g_interrupted ? RunStatus::kInterrupted : RunStatus::kFinished;

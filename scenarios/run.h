@@ -19,6 +19,7 @@ struct RunReport {
   double agent_time{0.0};     ///< [s] wall time in the agents' step.
   double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.
   double record_time{0.0};    ///< [s] wall time for measures and results.
+  double safety_time{0.0};    ///< [s] of record_time in the safety engine.
 };
 
 /// Runs a resolved configuration to its end, or until SIGINT (then the outcome is kInterrupted).

@@ -198,6 +198,7 @@ void Resolve(RunConfig* config) {
   check("--step-length", config->step_length, 0.01, 1.0, "s");
   check("--threads", config->threads, 0, 1024, "threads");
   check("--sample-period", config->sample_period, 0, 86400, "s");
+  check("--edge-interval", config->edge_interval, 0, 86400, "s");
   check("--seed", static_cast<double>(config->seed), 0, 2147483647.0, "");
   if (config->end) check("--end", *config->end, config->step_length, 1e9, "s");
 }
@@ -271,6 +272,14 @@ void LoadTable(const toml::table& table, const std::string& prefix, const std::s
 }
 
 }  // namespace
+
+SafetyLevel ParseSafetyLevel(std::string_view name) {
+  for (std::size_t i = 0; i < std::size(kSafetyLevelNames); ++i) {
+    if (kSafetyLevelNames[i] == name) return static_cast<SafetyLevel>(i);
+  }
+  throw ConfigError(
+      fmt::format("--safety: unknown value '{}'; allowed: {}", name, fmt::join(kSafetyLevelNames, ", ")));
+}
 
 void LoadParams(const fs::path& file, AgentParams* params) {
   if (!fs::exists(file)) throw ConfigError(fmt::format("{}: no such file", file.string()));

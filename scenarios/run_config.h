@@ -4,9 +4,11 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "agents/agent_params.h"
+#include "analysis/safety_monitor.h"
 #include "libsumo_bridge/vehicle_bridge.h"
 
 namespace lanewise {
@@ -25,8 +27,11 @@ struct RunConfig {
   int threads{0};                                ///< 0 = all cores.
   std::optional<std::filesystem::path> results;  ///< SQLite file; nothing: no results are stored.
   double sample_period{1.0};                     ///< [s] of trajectory rows; 0 = every step.
+  SafetyLevel safety_level{SafetyLevel::kFull};  ///< What the safety engine watches.
+  double edge_interval{300.0};                   ///< [s] of the edge measures; 0 = none.
   std::filesystem::path sumo_output_folder;  ///< SUMO's own outputs go there; empty: where the .sumocfg says.
   AgentParams params;
+  SafetyParams safety;
   bool quiet{false};
   std::vector<std::string> sumo_options;  ///< Passed to SUMO unchanged, last, so they win.
 };
@@ -57,6 +62,9 @@ std::vector<std::filesystem::path> InputFiles(const RunConfig& config);
 
 /// SUMO's command line for a resolved configuration.
 std::vector<std::string> SumoCommandLine(const RunConfig& config);
+
+/// --safety. @throws ConfigError naming what is allowed.
+SafetyLevel ParseSafetyLevel(std::string_view name);
 
 /// Reads parameters from a TOML file: dotted keys or tables, e.g. `[dwa] clearance_weight = 1.5`.
 void LoadParams(const std::filesystem::path& file, AgentParams* params);

@@ -113,6 +113,7 @@ void WriteSmallRun(const fs::path& path, const std::string& policy) {
   Encounter mild = near_miss;
   mild.min_ttc = 2.2;
   mild.near_miss = false;
+  mild.number = 1;
   writer.Add<Encounter>({near_miss, mild});
   writer.Add<StepSummaryRow>({{.time = 1.0, .running = 0}});
   writer.Add(Samples(1000));
@@ -200,7 +201,7 @@ TEST_F(ResultsFileTest, FormatsInfoAndComparison) {
   { RunWriter(ResultsFile::Open(path_, Mode::kAppend), Info("sumo")); }
   const std::vector<RunSummary> runs = LoadRunSummaries(path_);
   const std::string info = FormatInfo(path_, runs);
-  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 1, 2 runs");
+  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 2, 2 runs");
   EXPECT_CONTAINS(info, "0000000000abcdef");
   EXPECT_EQ(FormatComparison(runs),
             "policy                                    dwa    sumo\n"
@@ -277,7 +278,7 @@ TEST_F(ResultsFileTest, RefusesANewerSchema) {
   SQLite::Database(path_.string(), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 7");
   EXPECT_CONTAINS(
       RefusalOf(path_, Mode::kRead),
-      "it has schema version 7; this Lanewise reads and writes version 1, so a newer one wrote it");
+      "it has schema version 7; this Lanewise reads and writes version 2, so a newer one wrote it");
 }
 
 TEST_F(ResultsFileTest, RefusesFoldersAndWhatIsMissing) {
