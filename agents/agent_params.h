@@ -51,6 +51,27 @@ struct ControlParams {
   double derivative_filter{0.2};
 };
 
+/// The simulated lidar; the presets are SongLidar and RingLidar.
+struct LidarParams {
+  int beams{1081};
+  double field{4.71238898038469};
+  double max_range{30.0};
+  double scan_period{0.025};
+  double range_noise{0.01};
+  double dropout{0.0};
+};
+
+/// The sector code of [A] and how the policies `bp`, `bls` and `apf` drive.
+struct SectorParams {
+  int min_points{10};
+  double near_limit{0.1};
+  double standstill{5.0};
+  double reaction_time{0.3};
+  double decel{4.0};
+  double side_clearance{0.4};
+  double side_range{8.5};
+};
+
 /// Every parameter of the agents. The Visit table is the only declaration of name, unit, range,
 /// meaning and source.
 struct AgentParams {
@@ -58,6 +79,8 @@ struct AgentParams {
   DrivingParams driving;
   LaneChangeParams lane_change;
   ControlParams control;
+  LidarParams lidar;
+  SectorParams sector;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
@@ -134,6 +157,32 @@ struct AgentParams {
           "[C] PID");
     field("control.derivative_filter", p.control.derivative_filter, "s", Range{0, 5},
           "low-pass on the derivative", "[C] lag filter against noise");
+    field("lidar.beams", p.lidar.beams, "-", Range{8, 4096}, "beams a scan", "[A] 1,081 (UTM-30LX); [C] 360");
+    field("lidar.field", p.lidar.field, "rad", Range{3.2, 6.2831853},
+          "angle from the first beam to the last one", "[A] 270 deg; [C] all around");
+    field("lidar.max_range", p.lidar.max_range, "m", Range{1, 200}, "farther things do not reflect",
+          "[A] 30 m");
+    field("lidar.scan_period", p.lidar.scan_period, "s", Range{0, 1},
+          "time of a scan: a reading is as old as that, which lengthens the reaction", "[A] 25 ms");
+    field("lidar.range_noise", p.lidar.range_noise, "m", Range{0, 1},
+          "standard deviation of a range, cut off at four", "UTM-30LX data sheet: repeated accuracy 10 mm");
+    field("lidar.dropout", p.lidar.dropout, "-", Range{0, 1},
+          "probability that a beam gives no reading, in steps of 1/256", "own choice: none");
+    field("sector.min_points", p.sector.min_points, "-", Range{0, 1000},
+          "a sector is blocked by more readings than that in the avoidance zone", "[A] Eq. 8, t = 10");
+    field("sector.near_limit", p.sector.near_limit, "m", Range{0, 5}, "nearer readings are dust",
+          "[A] 0.4 m on a small robot; a car may stand nearer to a wall");
+    field("sector.standstill", p.sector.standstill, "m", Range{0.5, 30},
+          "how far the avoidance zone reaches ahead at standstill",
+          "own choice: the turning circle of a car, about 5 m; [A] 0.6 m on a small robot");
+    field("sector.reaction_time", p.sector.reaction_time, "s", Range{0, 3},
+          "the zone grows by speed x (this + scan period)", "own choice, the response time of the planner");
+    field("sector.decel", p.sector.decel, "m/s^2", Range{0.5, 9}, "and by the braking distance at this",
+          "as driving.comfort_decel");
+    field("sector.side_clearance", p.sector.side_clearance, "m", Range{0, 3},
+          "the front sectors' zone is the vehicle's width and this on both sides", "own choice");
+    field("sector.side_range", p.sector.side_range, "m", Range{0.5, 30},
+          "how far the other sectors' zone reaches at most", "own choice: a car's length and its turn");
   }
 };
 

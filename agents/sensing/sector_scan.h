@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+
+#include "agents/sensing/lidar.h"
+#include "agents/sensing/road_view.h"
+
+namespace lanewise {
+
+/// What the lidar at the middle of the ego's front bumper may see within `range` [m]: vehicles, persons,
+/// things that stand on the road, and the borders of the road the way follows. A border is that of all lanes
+/// of the edge; junctions have none.
+/// @param view of the path: its nodes, and what they are relative to.
+void CollectReflectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
+                       double range, LidarScene* scene);
+
+/// The sector code of one agent in one step.
+struct SectorScan {
+  SectorCounts counts{};
+  std::uint8_t code{0xff};  ///< Bit i: sector i is free; 0 is the leftmost.
+};
+
+/// Senses, scans and codes (Eq. 8 of [A]). @param leader_speed [m/s] of the vehicle ahead in the ego's lane;
+/// 0 if there is none. @param scene working memory.
+SectorScan ScanSectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
+                       const AgentParams& params, const Lidar& lidar, double leader_speed,
+                       const ScanErrors& errors, LidarScene* scene);
+
+}  // namespace lanewise
