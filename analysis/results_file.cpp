@@ -15,6 +15,7 @@
 
 #include "agents/core/check.h"
 #include "analysis/results_schema.h"  // Generated from results_schema.sql.
+#include "analysis/results_views.h"   // Generated from results_views.sql.
 
 namespace lanewise {
 namespace {
@@ -121,7 +122,7 @@ void CreateSchemaIfEmpty(SQLite::Database* database) {
   // Under the write lock: another process may be creating the same file.
   SQLite::Transaction transaction(*database, SQLite::TransactionBehavior::IMMEDIATE);
   if (database->execAndGet("SELECT COUNT(*) FROM sqlite_master").getInt() == 0)
-    database->exec(kResultsSchema);
+    database->exec(std::string(kResultsSchema) + kResultsViews);
   transaction.commit();
 }
 
@@ -379,6 +380,10 @@ std::string FormatTable(const std::vector<std::vector<std::string>>& lines) {
 }
 
 }  // namespace
+
+void GuardResults(const fs::path& path, const std::function<void()>& work) {
+  Guarded(path, work);
+}
 
 void ResultsFile::CheckAppend(const fs::path& path) {
   CheckOpen(path, Mode::kAppend);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <exception>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -54,6 +55,10 @@ class ResultsFile {
   std::filesystem::path path_;
   std::unique_ptr<SQLite::Database> database_;
 };
+
+/// Runs `work` on a results file; what SQLite throws there becomes a ConfigError that names the file and the way
+/// out.
+void GuardResults(const std::filesystem::path& path, const std::function<void()>& work);
 
 enum class RunStatus : std::uint8_t { kRunning, kFinished, kInterrupted, kFailed };
 

@@ -7,12 +7,14 @@
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <optional>
 
 #include "agents/core/check.h"
 #include "analysis/results_file.h"
 #include "libsumo_bridge/sumo_session.h"
 #include "scenarios/city_bench.h"
+#include "scenarios/compare.h"
 #include "scenarios/doctor.h"
 #include "scenarios/run.h"
 
@@ -225,6 +227,9 @@ int Main(int argc, char** argv) {
   CLI::App* doctor =
       app.add_subcommand("doctor", "Check SUMO, libraries and versions, and drive two seconds");
 
+  std::function<int()> chosen;  // What the subcommands below do.
+  AddCompareCommand(&app, &chosen);
+
   try {
     app.parse(own);
   } catch (const CLI::ParseError& error) {
@@ -233,6 +238,7 @@ int Main(int argc, char** argv) {
   if (!sumo_options.empty() && !run->parsed() && !demo->parsed() && !city->parsed())
     throw ConfigError("options behind -- are for runs only");
 
+  if (chosen) return chosen();
   SumoSession::EnsureHome();
   if (run->parsed()) {
     run_options.config.safety_level = ParseSafetyLevel(safety);

@@ -1,0 +1,252 @@
+#include "analysis/run_metrics.h"
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <sqlite3.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "agents/core/check.h"
+#include "analysis/results_views.h"  // Generated from results_views.sql.
+
+namespace lanewise {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr MetricInfo kMetrics[] = {
+    {"time_loss_s", "time loss [s]", Better::kLower, true, "mean over arrived vehicles, SUMO's definition"},
+    {"delay_s", "delay, all vehicles [s]", Better::kLower, true,
+     "time loss and departure delay per vehicle that entered, arrived or not"},
+    {"travel_time_s", "travel time [s]", Better::kLower, false, "mean over arrived vehicles"},
+    {"waiting_time_s", "waiting time [s]", Better::kLower, false, "below 0.1 m/s; mean over arrived vehicles"},
+    {"depart_delay_s", "departure delay [s]", Better::kLower, false, "mean over all that entered"},
+    {"mean_speed_mps", "mean speed [m/s]", Better::kHigher, false, "distance by time, all vehicles"},
+    {"arrived", "arrived", Better::kHigher, true, "vehicles that reached their destination"},
+    {"stops_per_km", "stops [1/km]", Better::kLower, true, "times a vehicle came below 0.1 m/s"},
+    {"contacts_per_1000km", "contacts, mid-block [1/1000 km]", Better::kLower, true,
+     "overlapping bodies outside junctions"},
+    {"junction_contacts_per_1000km", "contacts, junctions [1/1000 km]", Better::kLower, true,
+     "overlapping bodies inside junctions"},
+    {"agent_strikes_per_1000km", "agent strikes [1/1000 km]", Better::kLower, false,
+     "an agent struck something outside junctions"},
+    {"near_misses_per_1000km", "near misses [1/1000 km]", Better::kLower, true, "TTC below 1.5 s without contact"},
+    {"encounters_per_1000km", "encounters [1/1000 km]", Better::kLower, false, "TTC, DRAC or PET beyond its threshold"},
+    {"serious_encounters_per_1000km", "serious encounters [1/1000 km]", Better::kLower, false,
+     "encounters of severity 2 and above"},
+    {"ttc_exposed_s_per_h", "time below TTC 3 s [s/h]", Better::kLower, true, "time exposed TTC (TET) per hour driven"},
+    {"hard_braking_per_100km", "hard braking [1/100 km]", Better::kLower, true, "decelerations above 4.5 m/s^2"},
+    {"jerk_mps3", "jerk, rms [m/s^3]", Better::kLower, true, "root mean square over all steps driven"},
+    {"max_lateral_accel_mps2", "lateral accel., max [m/s^2]", Better::kLower, false,
+     "mean of the trips' largest values"},
+    {"co2_g_per_km", "CO2 [g/km]", Better::kLower, true, "SUMO's emission classes, all vehicles"},
+    {"nox_g_per_km", "NOx [g/km]", Better::kLower, true, "likewise"},
+    {"pmx_g_per_km", "PMx [g/km]", Better::kLower, false, "likewise"},
+    {"fuel_g_per_km", "fuel [g/km]", Better::kLower, false, "likewise"},
+    {"electricity_wh_per_km", "electricity [Wh/km]", Better::kLower, false, "likewise"},
+    {"teleported", "teleports", Better::kLower, false, "vehicles SUMO lifted out of a jam"},
+};
+
+/// Options that name files or say what is written: the files' content is hashed, outputs change no traffic.
+bool ChangesNoTraffic(const std::string& option) {
+  static const std::set<std::string> kNames = {
+      "configuration-file", "net-file", "route-files", "additional-files", "seed", "no-step-log",
+      "no-warnings",        "verbose",  "log",         "message-log",      "error-log"};
+  return kNames.count(option) != 0 || option.ends_with("output") || option.find("-output.") != std::string::npos;
+}
+
+/// SUMO's options as given to it, without those that change no traffic.
+std::string TrafficOptions(const std::string& command_line) {
+  std::istringstream words(command_line);
+  std::vector<std::string> kept;
+  std::string word;
+  bool keep = true;
+  while (words >> word) {
+    if (word.starts_with("--")) keep = !ChangesNoTraffic(word.substr(2, word.find('=') - 2));
+    if (keep) kept.push_back(word);
+  }
+  return fmt::format("{}", fmt::join(kept, " "));
+}
+
+/// Equal for runs of the same inputs, wherever the files lie.
+std::string DemandOf(const std::string& input_hashes_json, const std::string& options) {
+  std::multiset<std::string> hashes;
+  const Json inputs = Json::parse(input_hashes_json, nullptr, false);
+  if (inputs.is_object()) {
+    for (const auto& [file, hash] : inputs.items()) hashes.insert(hash.dump());
+  }
+  return fmt::format("{} {}", fmt::join(hashes, " "), options);
+}
+
+std::string TextOf(const SQLite::Column& column) {
+  return column.isNull() ? "" : column.getString();
+}
+
+std::optional<double> Finite(const SQLite::Column& column) {
+  if (column.isNull() || column.getType() == SQLITE_TEXT || !std::isfinite(column.getDouble())) return std::nullopt;
+  return column.getDouble();
+}
+
+void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
+  ResultsFile file = ResultsFile::Open(path, ResultsFile::Mode::kRead);
+  SQLite::Database& database = file.database();
+  database.exec(TemporaryViews());
+  std::string columns;
+  for (const MetricInfo& metric : kMetrics) columns += fmt::format(", m.{}", metric.name);
+  SQLite::Statement query(
+      database,
+      "SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, run.message, run.sumo_options, "
+      "run.parameters_json, run.input_hashes_json, run.config_file, run.lanewise_version, run.git_commit, "
+      "run.sumo_version, run.compiler, run.machine, run.started_at, run.state_hash, run.begin_s, run.end_s, "
+      "run.step_length_s, run.wall_time_s, run.simulated_time_s, m.agent_share, m.over_budget, run.inserted, "
+      "m.arrived, run.still_running, run.not_inserted, run.teleported" +
+          columns + " FROM run JOIN v_run_metrics AS m ON m.run_id = run.run_id ORDER BY run.run_id");
+  SQLite::Statement shares(database,
+                           "SELECT policy, vehicles * 1.0 / (SELECT SUM(vehicles) FROM policy_share WHERE run_id = "
+                           "?1) FROM policy_share WHERE run_id = ?1 AND vehicles > 0 ORDER BY vehicles DESC, policy");
+  while (query.executeStep()) {
+    int k = 0;
+    const auto next = [&] { return query.getColumn(k++); };
+    const auto text = [&] { return TextOf(next()); };
+    RunRecord& run = runs->emplace_back();
+    run.file = path;
+    run.run_id = next().getInt64();
+    run.scenario = text();
+    run.policy = text();
+    run.rules = text();
+    run.seed = next().getInt64();
+    run.status = text();
+    run.message = text();
+    const std::string sumo_options = text();
+    run.parameters_json = text();
+    run.input_hashes_json = text();
+    run.config_file = text();
+    run.lanewise_version = text();
+    run.git_commit = text();
+    run.sumo_version = text();
+    run.compiler = text();
+    run.machine = text();
+    run.started_at = text();
+    run.state_hash = text();
+    const std::string begin = text(), end = text();
+    run.step_length = next().getDouble();
+    run.wall_time = Finite(next());
+    run.simulated_time = Finite(next());
+    run.agent_share = Finite(next()).value_or(0.0);
+    run.over_budget = next().getInt64();
+    run.inserted = next().getInt64();
+    run.arrived = next().getInt64();
+    run.still_running = next().getInt64();
+    run.not_inserted = next().getInt64();
+    run.teleported = next().getInt64();
+    for (std::size_t m = 0; m < std::size(kMetrics); ++m) run.metrics.push_back(Finite(next()));
+    run.options = fmt::format("begin {} end {} step {} {}", begin, end, run.step_length, TrafficOptions(sumo_options));
+    run.demand = DemandOf(run.input_hashes_json, run.options);
+    shares.reset();
+    shares.bind(1, run.run_id);
+    while (shares.executeStep())
+      run.shares.push_back({shares.getColumn(0).getString(), shares.getColumn(1).getDouble()});
+  }
+}
+
+/// "dwa 40 %, sumo 60 %", or the policy's bare name where one drove all but a few.
+std::string DriversOf(const RunRecord& run) {
+  std::vector<std::string> parts;
+  std::string last;
+  for (const PolicyShare& share : run.shares) {
+    const long percent = 5 * std::lround(20.0 * share.share);
+    if (percent == 0) continue;
+    parts.push_back(fmt::format("{} {} %", share.policy, percent));
+    last = share.policy;
+  }
+  std::sort(parts.begin(), parts.end());
+  if (parts.empty()) return run.policy;
+  return parts.size() == 1 ? last : fmt::format("{}", fmt::join(parts, ", "));
+}
+
+/// Parameters in which the runs differ, name to value, for each run.
+std::vector<std::string> Differences(const std::vector<RunRecord*>& runs) {
+  std::vector<Json> parameters;
+  std::set<std::string> names;
+  for (const RunRecord* run : runs) {
+    parameters.push_back(Json::parse(run->parameters_json, nullptr, false));
+    if (parameters.back().is_object()) {
+      for (const auto& [name, value] : parameters.back().items()) names.insert(name);
+    }
+  }
+  std::vector<std::string> texts(runs.size());
+  for (const std::string& name : names) {
+    std::vector<std::string> values;
+    for (const Json& json : parameters)
+      values.push_back(json.is_object() && json.contains(name) ? json[name].dump() : "unset");
+    if (std::set(values.begin(), values.end()).size() < 2) continue;
+    for (std::size_t i = 0; i < runs.size(); ++i)
+      texts[i] += fmt::format("{}{}={}", texts[i].empty() ? "" : ", ", name, values[i]);
+  }
+  return texts;
+}
+
+}  // namespace
+
+std::span<const MetricInfo> AllMetrics() {
+  return kMetrics;
+}
+
+std::size_t FindMetric(const std::string& name, const std::string& origin) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < std::size(kMetrics); ++i) {
+    if (name == kMetrics[i].name) return i;
+    names.emplace_back(kMetrics[i].name);
+  }
+  throw ConfigError(fmt::format("{}: unknown metric '{}'; allowed: all, {}", origin, name, fmt::join(names, ", ")));
+}
+
+std::string TemporaryViews() {
+  std::string sql = kResultsViews;
+  const std::string from = "CREATE VIEW", to = "CREATE TEMP VIEW";
+  for (std::size_t at = 0; (at = sql.find(from, at)) != std::string::npos; at += to.size())
+    sql.replace(at, from.size(), to);
+  return sql;
+}
+
+void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
+  std::map<std::string, std::vector<RunRecord*>> by_driver;
+  for (RunRecord& run : *runs) {
+    run.label = DriversOf(run);
+    by_driver[run.label].push_back(&run);
+  }
+  for (auto& [driver, same] : by_driver) {
+    std::set<std::string> rules;
+    for (const RunRecord* run : same) rules.insert(run->rules);
+    // Parameters are the agents': natively driven runs do not depend on them, nor on who answers for signals.
+    const bool native = driver == "sumo";
+    const std::vector<std::string> parameters = Differences(same);
+    for (std::size_t i = 0; i < same.size(); ++i) {
+      std::string detail = native ? "" : parameters[i];
+      if (!native && rules.size() > 1) detail += fmt::format("{}rules={}", detail.empty() ? "" : ", ", same[i]->rules);
+      if (!detail.empty()) same[i]->label += fmt::format(" [{}]", detail);
+      if (by_file) same[i]->label = fmt::format("{}:{}", same[i]->file.stem().string(), same[i]->label);
+    }
+  }
+}
+
+std::vector<RunRecord> LoadRuns(std::span<const fs::path> files, bool by_file) {
+  std::vector<RunRecord> runs;
+  std::set<fs::path> seen;
+  for (const fs::path& path : files) {
+    std::error_code error;
+    if (!seen.insert(fs::weakly_canonical(path, error)).second)
+      throw ConfigError(fmt::format("results file {}: it is named twice; its runs would count double", path.string()));
+    GuardResults(path, [&] { LoadFile(path, &runs); });
+  }
+  LabelRuns(by_file, &runs);
+  return runs;
+}
+
+}  // namespace lanewise

@@ -1,0 +1,11 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace lanewise {
+
+/// Adds the subcommand `compare`; if the user chooses it, *chosen becomes what it does and returns its exit code.
+void AddCompareCommand(CLI::App* app, std::function<int()>* chosen);
+
+}  // namespace lanewise
