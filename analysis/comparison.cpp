@@ -49,14 +49,16 @@ std::string ReasonToLeaveOut(const RunRecord& run, const CompareParams& params) 
   if (run.status == "interrupted" && !params.include_interrupted)
     return "was interrupted (--include interrupted takes it in)";
   if (run.over_budget > 0 && !params.include_over_budget)
-    return fmt::format("is over the audit's budget: {} mid-block commands not carried out (--include over-budget)",
-                       run.over_budget);
+    return fmt::format(
+        "is over the audit's budget: {} mid-block commands not carried out (--include over-budget)",
+        run.over_budget);
   return "";
 }
 
-/// Runs that may be averaged, by label and pair key; says in the notes what is left out and what to beware of.
-std::map<std::string, RunsByKey> SelectRuns(const std::vector<const RunRecord*>& runs, const CompareParams& params,
-                                            ScenarioComparison* out) {
+/// Runs that may be averaged, by label and pair key; says in the notes what is left out and what to beware
+/// of.
+std::map<std::string, RunsByKey> SelectRuns(const std::vector<const RunRecord*>& runs,
+                                            const CompareParams& params, ScenarioComparison* out) {
   std::map<std::string, RunsByKey> selected;
   for (const RunRecord* run : runs) {
     if (const std::string reason = ReasonToLeaveOut(*run, params); !reason.empty()) {
@@ -64,7 +66,8 @@ std::map<std::string, RunsByKey> SelectRuns(const std::vector<const RunRecord*>&
       out->partial = true;
       continue;
     }
-    if (run->status == "interrupted") out->notes.push_back(fmt::format("included though interrupted: {}", Name(*run)));
+    if (run->status == "interrupted")
+      out->notes.push_back(fmt::format("included though interrupted: {}", Name(*run)));
     if (run->over_budget > 0)
       out->notes.push_back(fmt::format("included though over the audit's budget: {}", Name(*run)));
     const PairKey key{run->seed, params.ignore_demand ? "" : run->demand};
@@ -80,8 +83,8 @@ std::map<std::string, RunsByKey> SelectRuns(const std::vector<const RunRecord*>&
   return selected;
 }
 
-PolicySummary Summarize(const std::string& label, const RunsByKey& runs, const std::vector<std::size_t>& metrics,
-                        const StatisticsParams& statistics) {
+PolicySummary Summarize(const std::string& label, const RunsByKey& runs,
+                        const std::vector<std::size_t>& metrics, const StatisticsParams& statistics) {
   PolicySummary summary;
   summary.policy = label;
   summary.runs = runs.size();
@@ -154,21 +157,23 @@ void Judge(std::size_t family, const CompareParams& params, MetricComparison* m)
     m->verdict = Verdict::kIrrelevant;
   } else {
     m->verdict = Verdict::kOpen;
-    // To tell the difference seen, or the smallest relevant one if that is larger, from zero at Holm's first and
-    // strictest step. The permutation test needs enough pairs to get there at all.
+    // To tell the difference seen, or the smallest relevant one if that is larger, from zero at Holm's first
+    // and strictest step. The permutation test needs enough pairs to get there at all.
     const double level = alpha / static_cast<double>(family);
     std::size_t least = d.count + 1;
     while (SmallestPossibleP(least) > level) ++least;
     const double target = std::max(std::abs(d.mean), relevant);
     if (d.deviation == 0.0) {
       m->seeds_needed = least;
-    } else if (const auto pairs = target > 0.0 ? PairsForPower(target / d.deviation, level, params.power) : std::nullopt) {
+    } else if (const auto pairs =
+                   target > 0.0 ? PairsForPower(target / d.deviation, level, params.power) : std::nullopt) {
       m->seeds_needed = std::max(*pairs, least);
     }
   }
 }
 
-void AdjustAndJudge(const CompareParams& params, std::vector<PolicyComparison>* policies, std::size_t* family) {
+void AdjustAndJudge(const CompareParams& params, std::vector<PolicyComparison>* policies,
+                    std::size_t* family) {
   std::vector<MetricComparison*> tests;
   std::vector<double> p_values;
   for (PolicyComparison& policy : *policies) {
@@ -198,11 +203,13 @@ void NoteUnpaired(const RunsByKey& baseline, const std::string& baseline_name, c
   };
   const std::vector<std::int64_t> left = unpaired(policy, baseline), right = unpaired(baseline, policy);
   if (!left.empty())
-    out->notes.push_back(fmt::format("unpaired: {} of {} without a partner in {}: {} {}", Count(left.size(), "run"),
-                                     name, baseline_name, left.size() == 1 ? "seed" : "seeds", List(left)));
+    out->notes.push_back(fmt::format("unpaired: {} of {} without a partner in {}: {} {}",
+                                     Count(left.size(), "run"), name, baseline_name,
+                                     left.size() == 1 ? "seed" : "seeds", List(left)));
   if (!right.empty())
-    out->notes.push_back(fmt::format("unpaired: {} of {} without a partner in {}: {} {}", Count(right.size(), "run"),
-                                     baseline_name, name, right.size() == 1 ? "seed" : "seeds", List(right)));
+    out->notes.push_back(fmt::format("unpaired: {} of {} without a partner in {}: {} {}",
+                                     Count(right.size(), "run"), baseline_name, name,
+                                     right.size() == 1 ? "seed" : "seeds", List(right)));
   out->partial = out->partial || !left.empty() || !right.empty();
   std::set<std::int64_t> common;
   for (const std::int64_t seed : left) {
@@ -217,7 +224,8 @@ void NoteUnpaired(const RunsByKey& baseline, const std::string& baseline_name, c
   };
   const RunRecord *a = with_seed(policy), *b = with_seed(baseline);
   out->notes.push_back(fmt::format(
-      "{} of {} and {} with equal seeds differ in their demand ({}); --ignore-demand pairs them by seed alone",
+      "{} of {} and {} with equal seeds differ in their demand ({}); --ignore-demand pairs them by seed "
+      "alone",
       Count(common.size(), "run"), name, baseline_name,
       a->options == b->options ? "other input files"
                                : fmt::format("SUMO's options: '{}' and '{}'", a->options, b->options)));
@@ -239,15 +247,18 @@ void NoteDrivers(const std::map<std::string, RunsByKey>& selected, ScenarioCompa
     }
     if (unfinished > 0)
       out->notes.push_back(fmt::format(
-          "{}: {} vehicles still under way at the end of {}; means over arrived vehicles leave them out", label,
-          still_running, Count(unfinished, "run")));
+          "{}: {} vehicles still under way at the end of {}; means over arrived vehicles leave them out",
+          label, still_running, Count(unfinished, "run")));
     if (waiting > 0)
-      out->notes.push_back(fmt::format("{}: {} vehicles never inserted in {}; no measure counts their waiting", label,
-                                       not_inserted, Count(waiting, "run")));
+      out->notes.push_back(
+          fmt::format("{}: {} vehicles never inserted in {}; no measure counts their waiting", label,
+                      not_inserted, Count(waiting, "run")));
     if (teleporting > 0)
-      out->notes.push_back(fmt::format("{}: {} teleports in {}", label, teleported, Count(teleporting, "run")));
+      out->notes.push_back(
+          fmt::format("{}: {} teleports in {}", label, teleported, Count(teleporting, "run")));
     if (versions.size() > 1)
-      out->notes.push_back(fmt::format("{}: runs of {} versions ({})", label, versions.size(), List(versions)));
+      out->notes.push_back(
+          fmt::format("{}: runs of {} versions ({})", label, versions.size(), List(versions)));
   }
 }
 
@@ -263,7 +274,8 @@ ScenarioComparison CompareScenario(const std::string& scenario, const std::vecto
   }
   if (!params.baseline.empty()) {
     if (selected.count(params.baseline) == 0) {
-      out.notes.push_back(fmt::format("no finished run of the baseline {} in this scenario", params.baseline));
+      out.notes.push_back(
+          fmt::format("no finished run of the baseline {} in this scenario", params.baseline));
       out.partial = true;
     } else {
       out.baseline = params.baseline;
@@ -282,7 +294,8 @@ ScenarioComparison CompareScenario(const std::string& scenario, const std::vecto
     if (label != out.baseline) out.summaries.push_back(Summarize(label, group, metrics, params.statistics));
   }
   if (selected.size() == 1) {
-    out.notes.push_back(fmt::format("only one policy, {}: nothing to compare it with", selected.begin()->first));
+    out.notes.push_back(
+        fmt::format("only one policy, {}: nothing to compare it with", selected.begin()->first));
     out.partial = true;
   }
   if (out.baseline.empty()) return out;
@@ -301,32 +314,35 @@ ScenarioComparison CompareScenario(const std::string& scenario, const std::vecto
     for (const std::size_t metric : metrics) {
       const PairedValues values = ValuesOf(baseline, group, metric);
       if (!values.undefined.empty()) {
-        out.notes.push_back(fmt::format("{}: {} undefined (NULL or not a number) in {} with {}: {} {}; left out there",
-                                        label, AllMetrics()[metric].name, Count(values.undefined.size(), "pair"),
-                                        out.baseline, values.undefined.size() == 1 ? "seed" : "seeds",
-                                        List(values.undefined)));
+        out.notes.push_back(
+            fmt::format("{}: {} undefined (NULL or not a number) in {} with {}: {} {}; left out there", label,
+                        AllMetrics()[metric].name, Count(values.undefined.size(), "pair"), out.baseline,
+                        values.undefined.size() == 1 ? "seed" : "seeds", List(values.undefined)));
         out.partial = true;
       }
       if (!values.differences.empty())
-        comparison.metrics.push_back(CompareMetric(metric, values.baseline, values.differences, params.statistics));
+        comparison.metrics.push_back(
+            CompareMetric(metric, values.baseline, values.differences, params.statistics));
     }
     out.policies.push_back(std::move(comparison));
   }
   AdjustAndJudge(params, &out.policies, &out.family);
   for (const PolicyComparison& policy : out.policies) {
     if (policy.pairs == 1) {
-      out.notes.push_back(fmt::format("{}: one pair only; one difference says nothing of its own spread, so there is "
-                                      "neither interval nor test",
-                                      policy.policy));
+      out.notes.push_back(
+          fmt::format("{}: one pair only; one difference says nothing of its own spread, so there is "
+                      "neither interval nor test",
+                      policy.policy));
       out.partial = true;
-    } else if (out.family > 0 && SmallestPossibleP(policy.pairs) * static_cast<double>(out.family) >
-                                     params.statistics.alpha) {
+    } else if (out.family > 0 &&
+               SmallestPossibleP(policy.pairs) * static_cast<double>(out.family) > params.statistics.alpha) {
       std::size_t needed = policy.pairs;
       while (SmallestPossibleP(needed) * static_cast<double>(out.family) > params.statistics.alpha) ++needed;
-      out.notes.push_back(fmt::format(
-          "{}: {} pairs cannot give a p below {:.2g}; with {} comparisons in the family at least {} seeds are "
-          "needed for a significant result (fewer metrics: fewer seeds)",
-          policy.policy, policy.pairs, SmallestPossibleP(policy.pairs), out.family, needed));
+      out.notes.push_back(
+          fmt::format("{}: {} pairs cannot give a p below {:.2g}; with {} comparisons in the family at least "
+                      "{} seeds are "
+                      "needed for a significant result (fewer metrics: fewer seeds)",
+                      policy.policy, policy.pairs, SmallestPossibleP(policy.pairs), out.family, needed));
     }
   }
   return out;
@@ -351,7 +367,8 @@ void CheckBaseline(std::span<const RunRecord> runs, const std::string& baseline,
   std::set<std::string> labels;
   for (const RunRecord& run : runs) labels.insert(run.label);
   if (!baseline.empty() && labels.count(baseline) == 0)
-    throw ConfigError(fmt::format("{}: no run of '{}'; there are: {}", option, baseline, fmt::join(labels, ", ")));
+    throw ConfigError(
+        fmt::format("{}: no run of '{}'; there are: {}", option, baseline, fmt::join(labels, ", ")));
 }
 
 /// Values of the chosen metrics of the draws' population, one row a run or pair.
@@ -375,7 +392,8 @@ AaResult Resample(const Population& population, bool differences, std::size_t pa
   }
   for (std::size_t repetition = 0; repetition < repetitions; ++repetition) {
     const auto draw = [&](std::size_t k) {
-      const std::uint64_t bits = CounterRandom(params.statistics.seed, kDrawStream, repetition * 2 * pairs + k);
+      const std::uint64_t bits =
+          CounterRandom(params.statistics.seed, kDrawStream, repetition * 2 * pairs + k);
       return static_cast<std::size_t>((bits >> 32) * population.size() >> 32);
     };
     std::vector<double> p_values;
@@ -419,7 +437,8 @@ bool Comparison::any_pair() const {
 }
 
 Comparison Compare(std::span<const RunRecord> runs, const CompareParams& params) {
-  if (runs.empty()) throw ConfigError("there is no run to compare; record some with: lanewise run --results FILE");
+  if (runs.empty())
+    throw ConfigError("there is no run to compare; record some with: lanewise run --results FILE");
   CheckBaseline(runs, params.baseline, "--baseline");
   Comparison comparison;
   comparison.params = params;
@@ -429,8 +448,9 @@ Comparison Compare(std::span<const RunRecord> runs, const CompareParams& params)
   return comparison;
 }
 
-std::vector<AaResult> RunAaTest(std::span<const RunRecord> runs, const std::string& label, const std::string& against,
-                                std::size_t pairs, std::size_t repetitions, const CompareParams& params) {
+std::vector<AaResult> RunAaTest(std::span<const RunRecord> runs, const std::string& label,
+                                const std::string& against, std::size_t pairs, std::size_t repetitions,
+                                const CompareParams& params) {
   CheckBaseline(runs, label, "--aa");
   CheckBaseline(runs, against, "--against");
   const std::vector<std::size_t> metrics = ChosenMetrics(params);

@@ -15,9 +15,10 @@ struct CompareParams {
   std::string baseline{};              ///< Label; empty: sumo if it is there, else the first.
   std::vector<std::size_t> metrics{};  ///< Of AllMetrics; empty: the headline ones.
   StatisticsParams statistics{};
-  double smallest_effect{0.05};  ///< Share of the baseline's mean below which a difference is of no relevance.
-  double power{0.8};             ///< Of the number of seeds that would settle an open question.
-  bool ignore_demand{false};     ///< Pair by scenario and seed alone.
+  double smallest_effect{
+      0.05};                  ///< Share of the baseline's mean below which a difference is of no relevance.
+  double power{0.8};          ///< Of the number of seeds that would settle an open question.
+  bool ignore_demand{false};  ///< Pair by scenario and seed alone.
   bool include_interrupted{false};
   bool include_over_budget{false};
 };
@@ -40,7 +41,8 @@ struct MetricComparison {
   double p_holm{1.0};
   std::optional<double> effect_size{};  ///< Hedges' g of the differences.
   Verdict verdict{Verdict::kNothing};
-  std::optional<std::size_t> seeds_needed{};  ///< If open: pairs for the power asked for; nothing: above a million.
+  std::optional<std::size_t>
+      seeds_needed{};  ///< If open: pairs for the power asked for; nothing: above a million.
 };
 
 struct PolicyComparison {
@@ -96,12 +98,14 @@ struct AaResult {
   std::vector<Coverage> coverage{};  ///< By metric; how often the interval held the true difference.
 };
 
-/// Draws `pairs` runs for each of two names from the recorded runs of a label (with replacement, so that the true
-/// difference is zero), compares them, and counts false alarms and intervals that hold the truth. With `against`,
-/// instead draws from the recorded pairs of the two labels: the truth is then the recorded mean difference, which
-/// tests the intervals on the skewed differences of a real comparison; false alarms are not counted then.
+/// Draws `pairs` runs for each of two names from the recorded runs of a label (with replacement, so that the
+/// true difference is zero), compares them, and counts false alarms and intervals that hold the truth. With
+/// `against`, instead draws from the recorded pairs of the two labels: the truth is then the recorded mean
+/// difference, which tests the intervals on the skewed differences of a real comparison; false alarms are not
+/// counted then.
 /// @throws ConfigError if there are fewer than six runs or pairs.
-std::vector<AaResult> RunAaTest(std::span<const RunRecord> runs, const std::string& label, const std::string& against,
-                                std::size_t pairs, std::size_t repetitions, const CompareParams& params);
+std::vector<AaResult> RunAaTest(std::span<const RunRecord> runs, const std::string& label,
+                                const std::string& against, std::size_t pairs, std::size_t repetitions,
+                                const CompareParams& params);
 
 }  // namespace lanewise

@@ -29,7 +29,8 @@ int DecimalsOf(const MetricComparison& m) {
 }
 
 std::string Number(double value, int decimals, bool sign = false) {
-  std::string text = sign ? fmt::format("{:+.{}f}", value, decimals) : fmt::format("{:.{}f}", value, decimals);
+  std::string text =
+      sign ? fmt::format("{:+.{}f}", value, decimals) : fmt::format("{:.{}f}", value, decimals);
   // -0.0 is no difference.
   if (text.find_first_not_of("+-0.") == std::string::npos) text.erase(0, text.find_first_not_of("+-"));
   return text;
@@ -83,8 +84,8 @@ std::string VerdictText(const MetricComparison& m) {
 
 /// Characters on the screen of UTF-8 text.
 std::size_t Width(const std::string& text) {
-  return static_cast<std::size_t>(
-      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
 }
 
 /// Columns aligned: those in `left` to the left, the others to the right; a rule below the first line.
@@ -122,8 +123,10 @@ std::string Percent(double level) {
 }
 
 Line Header(const ScenarioComparison& s, const PolicyComparison& policy, const CompareParams& params) {
-  return {"metric",   s.baseline, policy.policy, "difference", "relative", Percent(1.0 - params.statistics.alpha) + " interval",
-          "p (Holm)", "g",        "pairs",       "verdict"};
+  return {"metric",     s.baseline, policy.policy,
+          "difference", "relative", Percent(1.0 - params.statistics.alpha) + " interval",
+          "p (Holm)",   "g",        "pairs",
+          "verdict"};
 }
 
 Line Cells(const MetricComparison& m) {
@@ -141,12 +144,14 @@ Line Cells(const MetricComparison& m) {
 }
 
 std::string ShareText(const PolicySummary& s) {
-  if (std::abs(s.max_agent_share - s.min_agent_share) < 5e-4) return fmt::format("{:.1f} %", 100.0 * s.max_agent_share);
+  if (std::abs(s.max_agent_share - s.min_agent_share) < 5e-4)
+    return fmt::format("{:.1f} %", 100.0 * s.max_agent_share);
   return fmt::format("{:.1f} to {:.1f} %", 100.0 * s.min_agent_share, 100.0 * s.max_agent_share);
 }
 
 std::vector<Line> WhoDrove(const ScenarioComparison& s) {
-  std::vector<Line> lines{{"policy", "runs", "agents' share", "inserted", "not inserted", "still driving", "teleports"}};
+  std::vector<Line> lines{
+      {"policy", "runs", "agents' share", "inserted", "not inserted", "still driving", "teleports"}};
   for (const PolicySummary& p : s.summaries) {
     lines.push_back({p.policy, fmt::format("{}", p.runs), ShareText(p), fmt::format("{}", p.inserted),
                      fmt::format("{}", p.not_inserted), fmt::format("{}", p.still_running),
@@ -177,10 +182,14 @@ std::vector<Line> Means(const ScenarioComparison& s) {
 std::string Method(const Comparison& c) {
   const StatisticsParams& s = c.params.statistics;
   return fmt::format(
-      "Pairs share scenario, seed{}. Differences: policy minus baseline, mean over pairs. Intervals: expanded BCa "
-      "bootstrap of {} resamples (Student's t below 6 pairs). p: {} test, two-sided, adjusted by Holm over all "
-      "comparisons of the scenario. g: Hedges' effect size of the paired differences. Open: the pairs with which a "
-      "t test at Holm's first step finds the difference seen, or {} of the baseline if that is more, with {} power.",
+      "Pairs share scenario, seed{}. Differences: policy minus baseline, mean over pairs. Intervals: "
+      "expanded BCa "
+      "bootstrap of {} resamples (Student's t below 6 pairs). p: {} test, two-sided, adjusted by Holm over "
+      "all "
+      "comparisons of the scenario. g: Hedges' effect size of the paired differences. Open: the pairs with "
+      "which a "
+      "t test at Holm's first step finds the difference seen, or {} of the baseline if that is more, with {} "
+      "power.",
       c.params.ignore_demand ? " (demand ignored)" : " and demand", s.resamples,
       s.test == SignificanceTest::kWilcoxon ? "Wilcoxon signed-rank" : "sign-flip permutation",
       Percent(c.params.smallest_effect), Percent(c.params.power));
@@ -218,7 +227,8 @@ std::string FormatText(const Comparison& c) {
       text += Align(lines, {0, 9}) + '\n';
     }
     if (s.policies.empty() && !s.summaries.empty())
-      text += "means over each policy's own runs (no pairs, so no comparison)\n" + Align(Means(s), {0}) + '\n';
+      text +=
+          "means over each policy's own runs (no pairs, so no comparison)\n" + Align(Means(s), {0}) + '\n';
     for (const std::string& note : s.notes) text += Wrap(note, "! ", kWidth);
     if (!s.notes.empty()) text += '\n';
   }
@@ -286,8 +296,10 @@ std::string LatexTable(const std::vector<Line>& lines, const std::string& captio
     Line cells;
     for (const std::string& cell : lines[i]) {
       const bool number = !cell.empty() && (cell[0] == '-' || cell[0] == '+') && cell.size() > 1;
-      // A minus sign, not a hyphen; a bracket after \\ would be read as its argument, so rows are kept in braces.
-      cells.push_back(number ? fmt::format("${}$", EscapeLatex(cell)) : fmt::format("{{{}}}", EscapeLatex(cell)));
+      // A minus sign, not a hyphen; a bracket after \\ would be read as its argument, so rows are kept in
+      // braces.
+      cells.push_back(number ? fmt::format("${}$", EscapeLatex(cell))
+                             : fmt::format("{{{}}}", EscapeLatex(cell)));
     }
     text += fmt::format("    {} \\\\\n", fmt::join(cells, " & "));
     if (i == 0) text += "    \\midrule\n";
@@ -302,7 +314,8 @@ std::string FormatLatex(const Comparison& c) {
     for (const PolicyComparison& policy : s.policies) {
       std::vector<Line> lines{Header(s, policy, c.params)};
       for (const MetricComparison& m : policy.metrics) lines.push_back(Cells(m));
-      text += LatexTable(lines, fmt::format("{}: {} against {}{}", s.scenario, policy.policy, s.baseline, partial));
+      text += LatexTable(lines,
+                         fmt::format("{}: {} against {}{}", s.scenario, policy.policy, s.baseline, partial));
     }
     if (s.policies.empty() && !s.summaries.empty())
       text += LatexTable(Means(s), fmt::format("{}: means without pairs{}", s.scenario, partial));
@@ -332,7 +345,9 @@ std::string FormatCsv(const Comparison& c) {
       for (const MetricComparison& m : policy.metrics) {
         const MeanEstimate& d = m.difference;
         const bool tested = d.count >= 2;
-        const auto if_tested = [&](double value) { return CsvNumber(tested ? std::optional(value) : std::nullopt); };
+        const auto if_tested = [&](double value) {
+          return CsvNumber(tested ? std::optional(value) : std::nullopt);
+        };
         const Line cells{CsvField(s.scenario),
                          CsvField(s.baseline),
                          CsvField(policy.policy),
@@ -397,7 +412,8 @@ std::string FormatJson(const Comparison& c) {
             {"power", c.params.power},
             {"scenarios", Json::array()}};
   for (const ScenarioComparison& s : c.scenarios) {
-    Json scenario{{"scenario", s.scenario}, {"baseline", s.baseline}, {"partial", s.partial}, {"family", s.family}};
+    Json scenario{
+        {"scenario", s.scenario}, {"baseline", s.baseline}, {"partial", s.partial}, {"family", s.family}};
     scenario["policies"] = Json::array();
     for (const PolicySummary& p : s.summaries) {
       Json summary{{"policy", p.policy},
@@ -452,25 +468,29 @@ std::string FormatComparison(const Comparison& comparison, TableFormat format) {
 std::string FormatAaResults(std::span<const AaResult> results, bool against) {
   std::string text;
   for (const AaResult& r : results) {
-    text += fmt::format("scenario {}, {}: {} repetitions of {} pairs drawn from {} recorded {}\n", r.scenario, r.policy,
-                        r.repetitions, r.pairs, r.runs, against ? "pairs" : "runs");
+    text += fmt::format("scenario {}, {}: {} repetitions of {} pairs drawn from {} recorded {}\n", r.scenario,
+                        r.policy, r.repetitions, r.pairs, r.runs, against ? "pairs" : "runs");
     std::vector<Line> lines{{"metric", "intervals", "hold the truth", "coverage"}};
     std::size_t intervals = 0, covered = 0;
     const auto percent = [](std::size_t part, std::size_t whole) {
-      return whole == 0 ? "-" : fmt::format("{:.1f} %", 100.0 * static_cast<double>(part) / static_cast<double>(whole));
+      return whole == 0
+                 ? "-"
+                 : fmt::format("{:.1f} %", 100.0 * static_cast<double>(part) / static_cast<double>(whole));
     };
     for (const AaResult::Coverage& c : r.coverage) {
-      lines.push_back({AllMetrics()[c.metric].label, fmt::format("{}", c.intervals), fmt::format("{}", c.covered),
-                       percent(c.covered, c.intervals)});
+      lines.push_back({AllMetrics()[c.metric].label, fmt::format("{}", c.intervals),
+                       fmt::format("{}", c.covered), percent(c.covered, c.intervals)});
       intervals += c.intervals;
       covered += c.covered;
     }
-    lines.push_back({"all", fmt::format("{}", intervals), fmt::format("{}", covered), percent(covered, intervals)});
+    lines.push_back(
+        {"all", fmt::format("{}", intervals), fmt::format("{}", covered), percent(covered, intervals)});
     text += Align(lines, {0});
     if (!against)
-      text += fmt::format("called significant after Holm: {} of {} comparisons ({}); in {} of {} repetitions ({})\n",
-                          r.significant, r.comparisons, percent(r.significant, r.comparisons), r.families_with_alarm,
-                          r.repetitions, percent(r.families_with_alarm, r.repetitions));
+      text += fmt::format(
+          "called significant after Holm: {} of {} comparisons ({}); in {} of {} repetitions ({})\n",
+          r.significant, r.comparisons, percent(r.significant, r.comparisons), r.families_with_alarm,
+          r.repetitions, percent(r.families_with_alarm, r.repetitions));
     text += '\n';
   }
   return text;

@@ -1,5 +1,5 @@
--- Views over the results' tables, for SQL, pandas and R: ids instead of numbers, units in the names, an undefined
--- value is NULL. New files hold them; Lanewise's own commands define them anew for older files, without writing.
+-- The views below serve SQL, pandas and R: ids instead of numbers, units in the names, an undefined value is NULL. New files hold
+-- them; Lanewise's own commands define them anew for older files, without writing.
 
 -- One row a run with every measure `lanewise compare` knows; rates are over all that was driven, means named so over
 -- arrived vehicles only.

@@ -1,8 +1,8 @@
 #include "analysis/run_metrics.h"
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <sqlite3.h>
 #include <fmt/ranges.h>
+#include <sqlite3.h>
 
 #include <algorithm>
 #include <cmath>
@@ -25,7 +25,8 @@ constexpr MetricInfo kMetrics[] = {
     {"delay_s", "delay, all vehicles [s]", Better::kLower, true,
      "time loss and departure delay per vehicle that entered, arrived or not"},
     {"travel_time_s", "travel time [s]", Better::kLower, false, "mean over arrived vehicles"},
-    {"waiting_time_s", "waiting time [s]", Better::kLower, false, "below 0.1 m/s; mean over arrived vehicles"},
+    {"waiting_time_s", "waiting time [s]", Better::kLower, false,
+     "below 0.1 m/s; mean over arrived vehicles"},
     {"depart_delay_s", "departure delay [s]", Better::kLower, false, "mean over all that entered"},
     {"mean_speed_mps", "mean speed [m/s]", Better::kHigher, false, "distance by time, all vehicles"},
     {"arrived", "arrived", Better::kHigher, true, "vehicles that reached their destination"},
@@ -36,12 +37,16 @@ constexpr MetricInfo kMetrics[] = {
      "overlapping bodies inside junctions"},
     {"agent_strikes_per_1000km", "agent strikes [1/1000 km]", Better::kLower, false,
      "an agent struck something outside junctions"},
-    {"near_misses_per_1000km", "near misses [1/1000 km]", Better::kLower, true, "TTC below 1.5 s without contact"},
-    {"encounters_per_1000km", "encounters [1/1000 km]", Better::kLower, false, "TTC, DRAC or PET beyond its threshold"},
+    {"near_misses_per_1000km", "near misses [1/1000 km]", Better::kLower, true,
+     "TTC below 1.5 s without contact"},
+    {"encounters_per_1000km", "encounters [1/1000 km]", Better::kLower, false,
+     "TTC, DRAC or PET beyond its threshold"},
     {"serious_encounters_per_1000km", "serious encounters [1/1000 km]", Better::kLower, false,
      "encounters of severity 2 and above"},
-    {"ttc_exposed_s_per_h", "time below TTC 3 s [s/h]", Better::kLower, true, "time exposed TTC (TET) per hour driven"},
-    {"hard_braking_per_100km", "hard braking [1/100 km]", Better::kLower, true, "decelerations above 4.5 m/s^2"},
+    {"ttc_exposed_s_per_h", "time below TTC 3 s [s/h]", Better::kLower, true,
+     "time exposed TTC (TET) per hour driven"},
+    {"hard_braking_per_100km", "hard braking [1/100 km]", Better::kLower, true,
+     "decelerations above 4.5 m/s^2"},
     {"jerk_mps3", "jerk, rms [m/s^3]", Better::kLower, true, "root mean square over all steps driven"},
     {"max_lateral_accel_mps2", "lateral accel., max [m/s^2]", Better::kLower, false,
      "mean of the trips' largest values"},
@@ -56,9 +61,10 @@ constexpr MetricInfo kMetrics[] = {
 /// Options that name files or say what is written: the files' content is hashed, outputs change no traffic.
 bool ChangesNoTraffic(const std::string& option) {
   static const std::set<std::string> kNames = {
-      "configuration-file", "net-file", "route-files", "additional-files", "seed", "no-step-log",
+      "configuration-file", "net-file", "route-files", "additional-files", "seed",     "no-step-log",
       "no-warnings",        "verbose",  "log",         "message-log",      "error-log"};
-  return kNames.count(option) != 0 || option.ends_with("output") || option.find("-output.") != std::string::npos;
+  return kNames.count(option) != 0 || option.ends_with("output") ||
+         option.find("-output.") != std::string::npos;
 }
 
 /// SUMO's options as given to it, without those that change no traffic.
@@ -89,7 +95,8 @@ std::string TextOf(const SQLite::Column& column) {
 }
 
 std::optional<double> Finite(const SQLite::Column& column) {
-  if (column.isNull() || column.getType() == SQLITE_TEXT || !std::isfinite(column.getDouble())) return std::nullopt;
+  if (column.isNull() || column.getType() == SQLITE_TEXT || !std::isfinite(column.getDouble()))
+    return std::nullopt;
   return column.getDouble();
 }
 
@@ -101,15 +108,17 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
   for (const MetricInfo& metric : kMetrics) columns += fmt::format(", m.{}", metric.name);
   SQLite::Statement query(
       database,
-      "SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, run.message, run.sumo_options, "
+      "SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, run.message, "
+      "run.sumo_options, "
       "run.parameters_json, run.input_hashes_json, run.config_file, run.lanewise_version, run.git_commit, "
       "run.sumo_version, run.compiler, run.machine, run.started_at, run.state_hash, run.begin_s, run.end_s, "
       "run.step_length_s, run.wall_time_s, run.simulated_time_s, m.agent_share, m.over_budget, run.inserted, "
       "m.arrived, run.still_running, run.not_inserted, run.teleported" +
           columns + " FROM run JOIN v_run_metrics AS m ON m.run_id = run.run_id ORDER BY run.run_id");
-  SQLite::Statement shares(database,
-                           "SELECT policy, vehicles * 1.0 / (SELECT SUM(vehicles) FROM policy_share WHERE run_id = "
-                           "?1) FROM policy_share WHERE run_id = ?1 AND vehicles > 0 ORDER BY vehicles DESC, policy");
+  SQLite::Statement shares(
+      database,
+      "SELECT policy, vehicles * 1.0 / (SELECT SUM(vehicles) FROM policy_share WHERE run_id = "
+      "?1) FROM policy_share WHERE run_id = ?1 AND vehicles > 0 ORDER BY vehicles DESC, policy");
   while (query.executeStep()) {
     int k = 0;
     const auto next = [&] { return query.getColumn(k++); };
@@ -146,7 +155,8 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
     run.not_inserted = next().getInt64();
     run.teleported = next().getInt64();
     for (std::size_t m = 0; m < std::size(kMetrics); ++m) run.metrics.push_back(Finite(next()));
-    run.options = fmt::format("begin {} end {} step {} {}", begin, end, run.step_length, TrafficOptions(sumo_options));
+    run.options =
+        fmt::format("begin {} end {} step {} {}", begin, end, run.step_length, TrafficOptions(sumo_options));
     run.demand = DemandOf(run.input_hashes_json, run.options);
     shares.reset();
     shares.bind(1, run.run_id);
@@ -204,7 +214,8 @@ std::size_t FindMetric(const std::string& name, const std::string& origin) {
     if (name == kMetrics[i].name) return i;
     names.emplace_back(kMetrics[i].name);
   }
-  throw ConfigError(fmt::format("{}: unknown metric '{}'; allowed: all, {}", origin, name, fmt::join(names, ", ")));
+  throw ConfigError(
+      fmt::format("{}: unknown metric '{}'; allowed: all, {}", origin, name, fmt::join(names, ", ")));
 }
 
 std::string TemporaryViews() {
@@ -229,7 +240,8 @@ void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
     const std::vector<std::string> parameters = Differences(same);
     for (std::size_t i = 0; i < same.size(); ++i) {
       std::string detail = native ? "" : parameters[i];
-      if (!native && rules.size() > 1) detail += fmt::format("{}rules={}", detail.empty() ? "" : ", ", same[i]->rules);
+      if (!native && rules.size() > 1)
+        detail += fmt::format("{}rules={}", detail.empty() ? "" : ", ", same[i]->rules);
       if (!detail.empty()) same[i]->label += fmt::format(" [{}]", detail);
       if (by_file) same[i]->label = fmt::format("{}:{}", same[i]->file.stem().string(), same[i]->label);
     }
@@ -242,7 +254,8 @@ std::vector<RunRecord> LoadRuns(std::span<const fs::path> files, bool by_file) {
   for (const fs::path& path : files) {
     std::error_code error;
     if (!seen.insert(fs::weakly_canonical(path, error)).second)
-      throw ConfigError(fmt::format("results file {}: it is named twice; its runs would count double", path.string()));
+      throw ConfigError(
+          fmt::format("results file {}: it is named twice; its runs would count double", path.string()));
     GuardResults(path, [&] { LoadFile(path, &runs); });
   }
   LabelRuns(by_file, &runs);

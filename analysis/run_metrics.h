@@ -43,19 +43,22 @@ struct RunRecord {
   std::int64_t seed{0};
   std::string status{};
   std::string message{};
-  std::string demand{};  ///< Inputs and SUMO's options without seed, files and outputs: equal means the same demand.
+  std::string
+      demand{};  ///< Inputs and SUMO's options without seed, files and outputs: equal means the same demand.
   std::string options{};  ///< The options part of it, for people.
   std::string parameters_json{};
   std::string input_hashes_json{};
   std::string config_file{};
-  std::string lanewise_version{}, git_commit{}, sumo_version{}, compiler{}, machine{}, started_at{}, state_hash{};
-  double step_length{0.0};  ///< [s]
+  std::string lanewise_version{}, git_commit{}, sumo_version{}, compiler{}, machine{}, started_at{},
+      state_hash{};
+  double step_length{0.0};                              ///< [s]
   std::optional<double> wall_time{}, simulated_time{};  ///< [s]
   double agent_share{0.0};                              ///< Of the vehicles.
   std::vector<PolicyShare> shares{};                    ///< Who drove in fact, largest first.
   std::int64_t over_budget{0};                          ///< Mid-block commands not carried out exactly.
   std::int64_t inserted{0}, arrived{0}, still_running{0}, not_inserted{0}, teleported{0};
-  std::vector<std::optional<double>> metrics{};  ///< One a metric of AllMetrics; nothing: undefined or not finite.
+  std::vector<std::optional<double>>
+      metrics{};  ///< One a metric of AllMetrics; nothing: undefined or not finite.
 };
 
 /// Every run of the files, labelled. Files are opened for reading only.
@@ -63,8 +66,8 @@ struct RunRecord {
 /// @throws ConfigError naming the file.
 std::vector<RunRecord> LoadRuns(std::span<const std::filesystem::path> files, bool by_file = false);
 
-/// Makes labels under which runs may be averaged: the policy that drove, with the realised shares (to 5 %) where
-/// vehicles of several policies drove, and the parameters and rules in which runs of one policy differ.
+/// Makes labels under which runs may be averaged: the policy that drove, with the realised shares (to 5 %)
+/// where vehicles of several policies drove, and the parameters and rules in which runs of one policy differ.
 void LabelRuns(bool by_file, std::vector<RunRecord>* runs);
 
 /// The SQL of results_views.sql, each view as TEMP: for a connection that may only read.

@@ -1,5 +1,5 @@
-# Turns results_schema.sql into docs/schema.md: the comment before a table, and the table of its columns.
-# Usage: awk -f schema_page.awk results_schema.sql
+# Turns the schema and the views into docs/schema.md: the comment before a table or view, and the table of its columns.
+# Usage: awk -f schema_page.awk results_schema.sql results_views.sql
 
 function flush_text() {
   if (text != "") print text "\n"
@@ -8,12 +8,16 @@ function flush_text() {
 
 BEGIN {
   print "# Results schema\n"
-  print "This page is generated from `analysis/results_schema.sql`: `./dev docs`.\n"
+  print "This page is generated from `analysis/results_schema.sql` and `results_views.sql`: `./dev docs`.\n"
 }
 
 /^-- / {
   text = text (text == "" ? "" : " ") substr($0, 4)
   next
+}
+
+/^$/ && !in_table {
+  flush_text()
 }
 
 /^PRAGMA user_version/ {
@@ -35,7 +39,27 @@ BEGIN {
 /^CREATE VIEW/ {
   print "## " $3 " (view)\n"
   flush_text()
-  print "Its columns: see the schema."
+  if (/\($/) {
+    print "| column | meaning |\n|---|---|"
+    in_view = 1
+  } else {
+    print "Its columns: see the schema.\n"
+  }
+  next
+}
+
+in_view && /^\) AS/ {
+  in_view = 0
+  print ""
+}
+
+in_view {
+  meaning = ""
+  at = index($0, "-- ")
+  if (at > 0) meaning = substr($0, at + 3)
+  name = $1
+  sub(/,$/, "", name)
+  print "| `" name "` | " meaning " |"
 }
 
 in_table && /^\)/ {

@@ -13,9 +13,9 @@
 namespace lanewise {
 namespace {
 
-constexpr std::size_t kMinResampled = 6;     // Below it a bootstrap of the mean has too few distinct samples.
-constexpr std::size_t kMaxEnumerated = 20;   // 2^19 sign patterns.
-constexpr std::size_t kMaxExactRanks = 60;   // The rank sum's distribution: 60 x 3661 additions.
+constexpr std::size_t kMinResampled = 6;    // Below it a bootstrap of the mean has too few distinct samples.
+constexpr std::size_t kMaxEnumerated = 20;  // 2^19 sign patterns.
+constexpr std::size_t kMaxExactRanks = 60;  // The rank sum's distribution: 60 x 3661 additions.
 constexpr std::size_t kSignDraws = 99'999;
 constexpr std::uint64_t kBootstrapStream = 1, kSignStream = 2;
 
@@ -64,11 +64,13 @@ double Acceleration(std::span<const double> values, double mean) {
 Interval ExpandedBca(std::span<const double> values, double mean, const StatisticsParams& params) {
   const auto n = static_cast<double>(values.size());
   const std::vector<double> means = BootstrapMeans(values, params);
-  // Ties count half: with counts as values many resampled means equal the mean. They differ from it by rounding.
+  // Ties count half: with counts as values many resampled means equal the mean. They differ from it by
+  // rounding.
   const double tolerance = 1e-12 * (std::abs(values.front()) + std::abs(mean));
   const auto below = std::lower_bound(means.begin(), means.end(), mean - tolerance) - means.begin();
   const auto not_above = std::upper_bound(means.begin(), means.end(), mean + tolerance) - means.begin();
-  const double share = (0.5 * static_cast<double>(below + not_above) + 0.5) / (static_cast<double>(means.size()) + 1.0);
+  const double share =
+      (0.5 * static_cast<double>(below + not_above) + 0.5) / (static_cast<double>(means.size()) + 1.0);
   const double bias = boost::math::quantile(kNormal, share);
   const double acceleration = Acceleration(values, mean);
   const double z = std::sqrt(n / (n - 1.0)) *
@@ -77,7 +79,9 @@ Interval ExpandedBca(std::span<const double> values, double mean, const Statisti
     const double shifted = bias + side * z;
     const double stretch = 1.0 - acceleration * shifted;
     // The correction has a pole; beyond it all of the tail is meant.
-    const double level = stretch > 0.0 ? boost::math::cdf(kNormal, bias + shifted / stretch) : side > 0.0 ? 1.0 : 0.0;
+    const double level = stretch > 0.0 ? boost::math::cdf(kNormal, bias + shifted / stretch)
+                         : side > 0.0  ? 1.0
+                                       : 0.0;
     const double rank = level * (static_cast<double>(means.size()) + 1.0) - 1.0;
     const double last = static_cast<double>(means.size() - 1);
     const double at = std::clamp(rank, 0.0, last);
@@ -88,8 +92,8 @@ Interval ExpandedBca(std::span<const double> values, double mean, const Statisti
   return {bound(-1.0), bound(1.0)};
 }
 
-/// How many of the 2^n sign patterns give a sum at least as far from zero as the observed one. Half of them, the
-/// first sign fixed, are walked in Gray-code order: one sign flips at a time.
+/// How many of the 2^n sign patterns give a sum at least as far from zero as the observed one. Half of them,
+/// the first sign fixed, are walked in Gray-code order: one sign flips at a time.
 PValue EnumerateSigns(const std::vector<double>& values) {
   const std::size_t n = values.size();
   double scale = 0.0;
@@ -159,13 +163,16 @@ PValue SignedRanks(const std::vector<double>& values) {
       for (std::size_t sum = reach + 1; sum-- > 0;)
         ways[sum] = 0.5 * (ways[sum] + (sum >= rank ? ways[sum - rank] : 0.0));
     }
-    const double below = std::accumulate(ways.begin(), ways.begin() + static_cast<std::ptrdiff_t>(tail) + 1, 0.0);
+    const double below =
+        std::accumulate(ways.begin(), ways.begin() + static_cast<std::ptrdiff_t>(tail) + 1, 0.0);
     return {std::min(1.0, 2.0 * below), true};
   }
   double variance = 0.0;  // Of the doubled rank sum; a quarter of the squared ranks' sum covers ties too.
-  for (const std::size_t rank : ranks) variance += 0.25 * static_cast<double>(rank) * static_cast<double>(rank);
+  for (const std::size_t rank : ranks)
+    variance += 0.25 * static_cast<double>(rank) * static_cast<double>(rank);
   const double distance = 0.5 * static_cast<double>(total) - static_cast<double>(tail);
-  const double z = std::max(0.0, distance - 1.0) / std::sqrt(variance);  // Half a rank of continuity, doubled.
+  const double z =
+      std::max(0.0, distance - 1.0) / std::sqrt(variance);  // Half a rank of continuity, doubled.
   return {std::min(1.0, 2.0 * boost::math::cdf(boost::math::complement(kNormal, z))), false};
 }
 
@@ -254,7 +261,9 @@ std::optional<double> PairedEffectSize(const MeanEstimate& differences) {
   const auto m = static_cast<double>(differences.count - 1);
   // One degree of freedom: Gamma(0) makes the correction vanish, so the plain ratio stands.
   const double correction =
-      differences.count == 2 ? 1.0 : 1.0 / (std::sqrt(0.5 * m) * boost::math::tgamma_delta_ratio(0.5 * (m - 1.0), 0.5));
+      differences.count == 2
+          ? 1.0
+          : 1.0 / (std::sqrt(0.5 * m) * boost::math::tgamma_delta_ratio(0.5 * (m - 1.0), 0.5));
   return correction * differences.mean / differences.deviation;
 }
 
@@ -263,11 +272,14 @@ double PairedTestPower(std::size_t count, double effect, double alpha) {
   const auto n = static_cast<double>(count);
   const double critical = boost::math::quantile(boost::math::students_t(n - 1.0), 1.0 - 0.5 * alpha);
   const double shift = std::abs(effect) * std::sqrt(n);
-  if (shift > 30.0) {  // Far in the tail Boost's series gets slow; the normal approximation says 1 or 0 there.
-    return boost::math::cdf(kNormal, (shift - critical) / std::sqrt(1.0 + 0.5 * critical * critical / (n - 1.0)));
+  if (shift >
+      30.0) {  // Far in the tail Boost's series gets slow; the normal approximation says 1 or 0 there.
+    return boost::math::cdf(kNormal,
+                            (shift - critical) / std::sqrt(1.0 + 0.5 * critical * critical / (n - 1.0)));
   }
   const boost::math::non_central_t distribution(n - 1.0, shift);
-  return boost::math::cdf(boost::math::complement(distribution, critical)) + boost::math::cdf(distribution, -critical);
+  return boost::math::cdf(boost::math::complement(distribution, critical)) +
+         boost::math::cdf(distribution, -critical);
 }
 
 std::optional<std::size_t> PairsForPower(double effect, double alpha, double power) {

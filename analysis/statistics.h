@@ -49,15 +49,16 @@ struct PValue {
 };
 
 /// Mean and interval. BCa: Efron, J. Am. Stat. Assoc. 82 (1987); its tail levels are widened to
-/// Phi(-sqrt(n / (n-1)) t_{n-1}) ("expanded": Hesterberg, The American Statistician 69, 2015), because the plain
-/// bootstrap takes the spread for known and covers too little with 20 pairs. @pre all values are finite.
+/// Phi(-sqrt(n / (n-1)) t_{n-1}) ("expanded": Hesterberg, The American Statistician 69, 2015), because the
+/// plain bootstrap takes the spread for known and covers too little with 20 pairs. @pre all values are
+/// finite.
 MeanEstimate EstimateMean(std::span<const double> values, const StatisticsParams& params);
 
-/// Two-sided p of the hypothesis that the differences are symmetric about zero. The permutation test flips the
-/// signs of the differences and looks at their sum: exactly for at most 20 differences that are not zero, else
-/// by 99,999 seeded draws (Phipson and Smyth 2010: (hits + 1) / (draws + 1)). Wilcoxon's signed-rank test ranks
-/// their magnitudes (zeros dropped, ties share their mean rank): exactly for at most 60, else by the normal
-/// approximation with ties and continuity corrected. @pre all values are finite.
+/// Two-sided p of the hypothesis that the differences are symmetric about zero. The permutation test flips
+/// the signs of the differences and looks at their sum: exactly for at most 20 differences that are not zero,
+/// else by 99,999 seeded draws (Phipson and Smyth 2010: (hits + 1) / (draws + 1)). Wilcoxon's signed-rank
+/// test ranks their magnitudes (zeros dropped, ties share their mean rank): exactly for at most 60, else by
+/// the normal approximation with ties and continuity corrected. @pre all values are finite.
 PValue TestZeroMean(std::span<const double> differences, const StatisticsParams& params);
 
 /// The smallest two-sided p that `count` pairs can give at all: 2^(1 - count).

@@ -52,7 +52,8 @@ CompareParams Finish(const CompareOptions& o) {
     } else if (what == "over-budget") {
       params.include_over_budget = true;
     } else {
-      throw ConfigError(fmt::format("--include: unknown value '{}'; allowed: interrupted, over-budget", what));
+      throw ConfigError(
+          fmt::format("--include: unknown value '{}'; allowed: interrupted, over-budget", what));
     }
   }
   if (o.aa.empty() && !o.against.empty()) throw ConfigError("--against: needs --aa, which names the policy");
@@ -75,11 +76,13 @@ int RunCompare(const CompareOptions& o) {
   const std::vector<std::filesystem::path> files(o.files.begin(), o.files.end());
   const std::vector<RunRecord> runs = LoadRuns(files, o.by_file);
   if (runs.empty())
-    throw ConfigError(fmt::format(
-        "results file {}: it holds no runs; record some with: lanewise run --results {} --policy dwa, and --policy sumo",
-        o.files[0], o.files[0]));
+    throw ConfigError(
+        fmt::format("results file {}: it holds no runs; record some with: lanewise run --results {} --policy "
+                    "dwa, and --policy sumo",
+                    o.files[0], o.files[0]));
   if (!o.aa.empty()) {
-    fmt::print("{}", FormatAaResults(RunAaTest(runs, o.aa, o.against, o.pairs, o.repetitions, params), !o.against.empty()));
+    fmt::print("{}", FormatAaResults(RunAaTest(runs, o.aa, o.against, o.pairs, o.repetitions, params),
+                                     !o.against.empty()));
     return 0;
   }
   const Comparison comparison = Compare(runs, params);
@@ -94,37 +97,51 @@ int RunCompare(const CompareOptions& o) {
 void AddCompareCommand(CLI::App* app, std::function<int()>* chosen) {
   const auto o = std::make_shared<CompareOptions>();
   CLI::App* compare = app->add_subcommand(
-      "compare", "Policies against a baseline, pair by pair: differences, intervals, tests, what is still open");
+      "compare",
+      "Policies against a baseline, pair by pair: differences, intervals, tests, what is still open");
   compare->add_option("RESULTS", o->files, "results files (SQLite); their runs are taken together");
   compare->add_option("--baseline", o->params.baseline,
                       "policy the others are compared with; default: sumo if there is a run of it");
-  compare->add_option("--metric", o->metrics, "only these (comma-separated or repeated), or all; see --list-metrics")
+  compare
+      ->add_option("--metric", o->metrics,
+                   "only these (comma-separated or repeated), or all; see --list-metrics")
       ->delimiter(',');
   compare->add_flag("--list-metrics", o->list, "name the metrics and end");
   compare->add_option("--format", o->format, "text, md, csv, json or latex")->capture_default_str();
-  compare->add_option("--test", o->test, "permutation (of signs; exact up to 20 pairs) or wilcoxon (signed ranks)")
+  compare
+      ->add_option("--test", o->test,
+                   "permutation (of signs; exact up to 20 pairs) or wilcoxon (signed ranks)")
       ->capture_default_str();
   compare->add_option("--alpha", o->params.statistics.alpha, "level of tests; intervals cover 1 - alpha")
       ->capture_default_str();
-  compare->add_option("--smallest-effect", o->params.smallest_effect,
-                      "share of the baseline's mean that would matter: an interval within it settles 'no relevant "
-                      "difference'")
+  compare
+      ->add_option(
+          "--smallest-effect", o->params.smallest_effect,
+          "share of the baseline's mean that would matter: an interval within it settles 'no relevant "
+          "difference'")
       ->capture_default_str();
-  compare->add_option("--power", o->params.power, "with which the number of seeds for open questions is worked out")
+  compare
+      ->add_option("--power", o->params.power,
+                   "with which the number of seeds for open questions is worked out")
       ->capture_default_str();
   compare->add_option("--include", o->include, "interrupted, over-budget: take such runs in; they stay named")
       ->delimiter(',');
-  compare->add_flag("--ignore-demand", o->params.ignore_demand,
-                    "pair by scenario and seed though input files or SUMO options differ (penetration studies)");
-  compare->add_flag("--by-file", o->by_file, "the same policy in two files is two policies (versions of Lanewise)");
-  compare->add_option("--resamples", o->params.statistics.resamples, "of the bootstrap")->capture_default_str();
+  compare->add_flag(
+      "--ignore-demand", o->params.ignore_demand,
+      "pair by scenario and seed though input files or SUMO options differ (penetration studies)");
+  compare->add_flag("--by-file", o->by_file,
+                    "the same policy in two files is two policies (versions of Lanewise)");
+  compare->add_option("--resamples", o->params.statistics.resamples, "of the bootstrap")
+      ->capture_default_str();
   compare->add_option("--bootstrap-seed", o->params.statistics.seed, "same seed, same intervals")
       ->capture_default_str();
-  compare->add_option("--aa", o->aa,
-                      "A/A test instead: draw this policy's runs under two names, count false alarms and intervals "
-                      "that hold zero");
-  compare->add_option("--against", o->against,
-                      "with --aa: draw recorded pairs with this policy; do intervals hold the recorded difference?");
+  compare->add_option(
+      "--aa", o->aa,
+      "A/A test instead: draw this policy's runs under two names, count false alarms and intervals "
+      "that hold zero");
+  compare->add_option(
+      "--against", o->against,
+      "with --aa: draw recorded pairs with this policy; do intervals hold the recorded difference?");
   compare->add_option("--repetitions", o->repetitions, "of the A/A test")->capture_default_str();
   compare->add_option("--pairs", o->pairs, "in each repetition of the A/A test")->capture_default_str();
   compare->footer(

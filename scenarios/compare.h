@@ -5,7 +5,8 @@
 
 namespace lanewise {
 
-/// Adds the subcommand `compare`; if the user chooses it, *chosen becomes what it does and returns its exit code.
+/// Adds the subcommand `compare`; if the user chooses it, *chosen becomes what it does and returns its exit
+/// code.
 void AddCompareCommand(CLI::App* app, std::function<int()>* chosen);
 
 }  // namespace lanewise
