@@ -221,7 +221,7 @@ void BindRow(const Encounter& r, std::int64_t run_id, Binder bind) {
     return value ? std::optional(time) : std::nullopt;
   };
   const auto ttc = OrNull(r.min_ttc, kUndefined), mttc = OrNull(r.min_mttc, kUndefined),
-             pet = OrNull(r.pet, kUndefined);
+             pet = OrNull(r.pet, kUndefined), distance = OrNull(r.min_distance, kUndefined);
   const auto drac = OrNull(r.max_drac, 0.0), closing = OrNull(r.max_closing_speed, 0.0);
   bind(run_id, r.number, r.first, r.second, r.ego_is_first ? r.first : r.second,
        r.ego_is_first ? r.second : r.first,
@@ -229,8 +229,8 @@ void BindRow(const Encounter& r, std::int64_t run_id, Binder bind) {
        static_cast<std::int32_t>(r.severity), r.first_agent, r.second_agent, r.begin, r.end, r.critical, r.x,
        r.y, OrNull(r.first_lane), OrNull(r.second_lane), r.in_junction, r.first_speed, r.second_speed);
   bind(ttc, time_of(ttc, r.min_ttc_time), drac, time_of(drac, r.max_drac_time), mttc,
-       time_of(mttc, r.min_mttc_time), pet, time_of(pet, r.pet_time), r.min_distance, r.min_distance_time,
-       closing, time_of(closing, r.max_closing_speed_time));
+       time_of(mttc, r.min_mttc_time), pet, time_of(pet, r.pet_time), distance,
+       time_of(distance, r.min_distance_time), closing, time_of(closing, r.max_closing_speed_time));
   if (r.contact) {
     bind(r.first_delta_v, r.second_delta_v);
   } else {

@@ -189,8 +189,8 @@ CREATE TABLE encounter (
   min_mttc_time_s REAL,
   pet_s REAL,
   pet_time_s REAL,                     -- When the second one came.
-  min_distance_m REAL NOT NULL,        -- Between the boxes; 0: they touched.
-  min_distance_time_s REAL NOT NULL,
+  min_distance_m REAL,                 -- Between the boxes, until 2 s after end_s; 0: they touched; NULL: one had left.
+  min_distance_time_s REAL,
   max_closing_speed_mps REAL,          -- Of a pair on collision course.
   max_closing_speed_time_s REAL,
   first_delta_v_mps REAL,              -- Change of velocity in a plastic impact at first touch; NULL without contact.

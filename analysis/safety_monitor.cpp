@@ -138,23 +138,23 @@ bool CouldStillHaveBraked(const TouchingVehicle& ego, const TouchingVehicle& oth
   return ahead >= (0.5 - front_zone) * ego.footprint.length && direction * Dot(relative, u) > 0.0;
 }
 
-/// Moves events not seen after `last_seen` from `open` to `finished`, in order of the pair.
-template <class Event>
-void MoveFinished(double last_seen, std::unordered_map<std::uint64_t, Event>* open,
-                  std::vector<Event>* finished) {
-  const std::size_t first_new = finished->size();
-  for (auto it = open->begin(); it != open->end();) {
-    if (it->second.end > last_seen) {
-      ++it;
-      continue;
-    }
-    finished->push_back(it->second);
-    it = open->erase(it);
+/// Takes out of `open` what was not seen after `last_seen`, in order of the pair: the map's order is an
+/// accident of hashing, and the results file shall not show it.
+template <class Event, class EndOf>
+std::vector<Event> TakeEnded(double last_seen, EndOf&& end_of,
+                             std::unordered_map<std::uint64_t, Event>* open) {
+  std::vector<std::uint64_t> keys;
+  for (const auto& [key, event] : *open) {
+    if (end_of(event) <= last_seen) keys.push_back(key);
   }
-  // The map's order is an accident of hashing; the results file shall not show it.
-  std::sort(
-      finished->begin() + static_cast<std::ptrdiff_t>(first_new), finished->end(),
-      [](const Event& a, const Event& b) { return PairKey(a.first, a.second) < PairKey(b.first, b.second); });
+  std::sort(keys.begin(), keys.end());
+  std::vector<Event> ended;
+  for (const std::uint64_t key : keys) ended.push_back(std::move(open->extract(key).mapped()));
+  return ended;
+}
+
+bool IsDefined(double value) {
+  return value != Encounter::kUndefined;
 }
 
 }  // namespace
@@ -182,21 +182,42 @@ std::int32_t ChooseStriking(const TouchingVehicle& a, const TouchingVehicle& b, 
   return a_towards_b >= b_towards_a ? 0 : 1;
 }
 
+SafetyMonitor::SafetyMonitor(SafetyParams params, const RoadNetwork* network, SafetyLevel level)
+    : params_(params),
+      network_(network),
+      level_(level),
+      horizon_(level == SafetyLevel::kFull ? params.ttc_encounter : 0.0),
+      encroachments_(network, level == SafetyLevel::kFull ? params.pet_encounter : 0.0) {
+  if (network != nullptr && level == SafetyLevel::kFull) lane_order_ = std::make_unique<LaneOrder>(*network);
+}
+
 void SafetyMonitor::Observe(const TrafficFrame& frame) {
   step_length_ = observed_ ? frame.time - last_time_ : 0.0;
   LANEWISE_CHECK(!observed_ || step_length_ > 0.0);
   last_time_ = frame.time;
   observed_ = true;
+  if (level_ == SafetyLevel::kOff) return;
 
   PrepareBodies(frame);
+  if (level_ == SafetyLevel::kFull) TakeSnapshot(frame);
   FindClosePairs(frame);
-  row_ttc_.assign(frame.size(), kNoTtc);
   for (const ClosePair& pair : close_pairs_) {
-    for (const std::int32_t row : {pair.first_row, pair.second_row}) {
-      row_ttc_[static_cast<std::size_t>(row)] = std::min(row_ttc_[static_cast<std::size_t>(row)], pair.ttc);
-    }
     if (pair.depth > params_.contact_depth) UpdateContact(frame, pair);
-    UpdateEncounter(frame, pair);
+  }
+  if (level_ == SafetyLevel::kFull) {
+    row_ttc_.assign(frame.size(), kNoTtc);
+    row_drac_.assign(frame.size(), 0.0);
+    for (const ClosePair& pair : close_pairs_) {
+      for (const std::int32_t row : {pair.first_row, pair.second_row}) {
+        const auto r = static_cast<std::size_t>(row);
+        if (pair.ttc < params_.ttc_encounter) row_ttc_[r] = std::min(row_ttc_[r], pair.ttc);
+        row_drac_[r] = std::max(row_drac_[r], pair.drac);
+      }
+      UpdateEncounter(frame, pair);
+    }
+    encroachments_.Observe(frame);
+    for (const Encroachment& encroachment : encroachments_.found()) UpdateEncroachment(frame, encroachment);
+    UpdateOpenEncounters(frame);
   }
   // The small term keeps rounding of the times from deciding.
   CloseUntil(frame.time - params_.separation_time + 1e-6);
@@ -208,7 +229,7 @@ void SafetyMonitor::PrepareBodies(const TrafficFrame& frame) {
   sweeps_.resize(rows);
   sweep_x_.resize(rows);
   sweep_y_.resize(rows);
-  const double half_horizon = 0.5 * params_.ttc_encounter;
+  const double half_horizon = 0.5 * horizon_;
 #pragma omp parallel for schedule(static) if (rows >= kMinParallelRows)
   for (std::size_t i = 0; i < rows; ++i) {
     Body& body = bodies_[i];
@@ -227,24 +248,34 @@ void SafetyMonitor::PrepareBodies(const TrafficFrame& frame) {
     sweeps_[i] = {sweep_x_[i], sweep_y_[i], body.radius + half_path};
   }
   grid_.Build(sweep_x_, sweep_y_);
+  row_of_.assign(row_of_.size(), kNone);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const auto number = static_cast<std::size_t>(frame.vehicle_number[i]);
+    if (number >= row_of_.size()) row_of_.resize(number + 1, kNone);
+    row_of_[number] = static_cast<std::int32_t>(i);
+  }
 }
 
 void SafetyMonitor::FindClosePairs(const TrafficFrame& frame) {
   const std::size_t rows = frame.size();
   found_by_thread_.resize(static_cast<std::size_t>(omp_get_max_threads()));
   for (auto& found : found_by_thread_) found.clear();
+  if (lane_order_) lane_order_->Build(frame);
 #pragma omp parallel if (rows >= kMinParallelRows)
   {
     std::vector<ClosePair>& found = found_by_thread_[static_cast<std::size_t>(omp_get_thread_num())];
 #pragma omp for schedule(static)
-    for (std::size_t i = 0; i < rows; ++i) FindPartners(frame, i, &found);
+    for (std::size_t i = 0; i < rows; ++i) {
+      FindPartners(frame, i, &found);
+      if (lane_order_) FindLeaders(frame, i, &found);
+    }
   }
   close_pairs_.clear();
   for (const auto& found : found_by_thread_)
     close_pairs_.insert(close_pairs_.end(), found.begin(), found.end());
   // Each pair was found once; this order depends on neither the threads nor the rows.
   std::sort(close_pairs_.begin(), close_pairs_.end(), [](const ClosePair& a, const ClosePair& b) {
-    return PairKey(a.first, a.second) < PairKey(b.first, b.second);
+    return std::pair(PairKey(a.first, a.second), a.ttc) < std::pair(PairKey(b.first, b.second), b.ttc);
   });
 }
 
@@ -270,17 +301,101 @@ void SafetyMonitor::FindPartners(const TrafficFrame& frame, std::size_t i,
     const TouchingVehicle v = VehicleAt(frame, first);
     const TouchingVehicle w = VehicleAt(frame, second);
     const std::optional<double> ttc =
-        TimeToContact(v.footprint, v.velocity, w.footprint, w.velocity, params_.ttc_encounter);
-    if (!ttc || *ttc >= params_.ttc_encounter) return;
+        TimeToContact(v.footprint, v.velocity, w.footprint, w.velocity, horizon_);
+    if (!ttc || (*ttc >= horizon_ && *ttc > 0.0)) return;
     const double depth = *ttc > 0.0 ? 0.0 : PenetrationDepth(v.footprint, w.footprint);
+    const bool contact = depth > params_.contact_depth;
     // A queue standing bumper to bumper, gap 0 up to rounding, is no conflict.
-    const bool touching = *ttc == 0.0 && depth <= params_.contact_depth;
-    if (touching &&
+    if (*ttc == 0.0 && !contact &&
         std::hypot(v.velocity.x - w.velocity.x, v.velocity.y - w.velocity.y) < params_.standing_speed)
       return;
-    found->push_back({frame.vehicle_number[first], frame.vehicle_number[second],
-                      static_cast<std::int32_t>(first), static_cast<std::int32_t>(second), *ttc, depth});
+    // Who follows along the lanes is measured along them; on a bend straight motion would tell wrong.
+    if (!contact && lane_order_ &&
+        (lane_order_->GapBetween(frame, first, second) || lane_order_->GapBetween(frame, second, first)))
+      return;
+    ClosePair pair = {frame.vehicle_number[first],
+                      frame.vehicle_number[second],
+                      static_cast<std::int32_t>(first),
+                      static_cast<std::int32_t>(second),
+                      *ttc,
+                      depth,
+                      0.0,
+                      kNoTtc,
+                      0.0,
+                      EncounterType::kFollowing,
+                      false};
+    if (level_ == SafetyLevel::kFull && !MeasureInPlane(frame, &pair)) return;
+    found->push_back(pair);
   });
+}
+
+/// DRAC, MTTC, closing speed, type and ego of a pair on collision course in the plane. False: it is none,
+/// they follow lanes that keep them apart.
+bool SafetyMonitor::MeasureInPlane(const TrafficFrame& frame, ClosePair* pair) const {
+  constexpr double kTimesSeen = 30.0;  // [s] DRAC is decided within 2 TTC, and stopping takes little longer.
+  const auto i = static_cast<std::size_t>(pair->first_row), j = static_cast<std::size_t>(pair->second_row);
+  const Body &a = bodies_[i], &b = bodies_[j];
+  const double wx = b.vx - a.vx, wy = b.vy - a.vy;
+  pair->closing = std::hypot(wx, wy);
+  const LaneUser first = LaneUserAt(frame, i), second = LaneUserAt(frame, j);
+  pair->type = ClassifyMeeting(network_, first, second);
+  const bool beside = pair->type == EncounterType::kSideSwipe || pair->type == EncounterType::kOncoming;
+  if (beside && network_ != nullptr && pair->depth <= params_.contact_depth &&
+      KeepApart(*network_, first, second, pair->ttc))
+    return false;
+  const ConflictRegion region = FindConflictRegion(BoxOf(i), BoxOf(j), kTimesSeen, kTimesSeen);
+  double first_entry = kNoTtc, second_entry = kNoTtc;
+  for (std::size_t k = 0; k < region.size; ++k) {
+    first_entry = std::min(first_entry, region.corner[k].a);
+    second_entry = std::min(second_entry, region.corner[k].b);
+  }
+  pair->ego_is_first = first_entry > second_entry;
+  if (pair->ttc <= 0.0) return true;  // They touch: too late to brake.
+  pair->drac = DecelerationToAvoid(region, std::hypot(a.vx, a.vy), std::hypot(b.vx, b.vy)).value_or(0.0);
+  if (pair->closing > 0.0) {
+    const double ax = frame.accel[j] * b.ux - frame.accel[i] * a.ux;
+    const double ay = frame.accel[j] * b.uy - frame.accel[i] * a.uy;
+    const double closing_accel = (ax * wx + ay * wy) / pair->closing;
+    pair->mttc =
+        ModifiedTimeToCollision(pair->closing * pair->ttc, pair->closing, closing_accel).value_or(kNoTtc);
+  }
+  return true;
+}
+
+/// All that row i follows along its lanes and gains on, beyond a threshold.
+void SafetyMonitor::FindLeaders(const TrafficFrame& frame, std::size_t i,
+                                std::vector<ClosePair>* found) const {
+  const double speed = frame.speed[i];
+  // Nobody reverses, so the speed is the most it can gain.
+  const double reach =
+      std::max(params_.ttc_encounter * speed, speed * speed / (2.0 * params_.drac_encounter));
+  if (reach <= 0.0) return;
+  lane_order_->ForEachAhead(frame, i, reach, [&](std::size_t j, double gap) {
+    const double closing = speed - frame.speed[j];
+    if (closing <= 0.0 || (gap == 0.0 && closing < params_.standing_speed)) return;
+    if (frame.planned_stop[i] && frame.planned_stop[j]) return;
+    const double ttc = gap / closing;
+    const double drac = gap > 0.0 ? closing * closing / (2.0 * gap) : 0.0;
+    if (ttc >= params_.ttc_encounter && drac <= params_.drac_encounter) return;
+    // In contact all the same, on a bend: found, and measured, in the plane.
+    if (PenetrationDepth(FootprintOf(frame, i), FootprintOf(frame, j)) > params_.contact_depth) return;
+    const double closing_accel = frame.accel[i] - frame.accel[j];
+    const bool in_order = frame.vehicle_number[i] < frame.vehicle_number[j];
+    const std::size_t first = in_order ? i : j, second = in_order ? j : i;
+    found->push_back({frame.vehicle_number[first], frame.vehicle_number[second],
+                      static_cast<std::int32_t>(first), static_cast<std::int32_t>(second), ttc, 0.0, drac,
+                      ModifiedTimeToCollision(gap, closing, closing_accel).value_or(kNoTtc), closing,
+                      EncounterType::kFollowing, in_order});
+  });
+}
+
+MovingBox SafetyMonitor::BoxOf(std::size_t row) const {
+  const Body& b = bodies_[row];
+  return {{b.x, b.y}, {b.vx, b.vy}, {b.ux, b.uy}, b.half_length, b.half_width};
+}
+
+Footprint SafetyMonitor::FootprintOf(const TrafficFrame& frame, std::size_t row) const {
+  return {{frame.x[row], frame.y[row], frame.heading[row]}, frame.length[row], frame.width[row]};
 }
 
 /// Cheap necessary conditions for contact within the horizon; most neighbors fail one.
@@ -299,7 +414,7 @@ bool SafetyMonitor::MayTouch(const Body& a, const Body& b) const {
   // clears the neighboring lanes.
   const double c = std::abs(a.ux * b.ux + a.uy * b.uy), s = std::abs(a.ux * b.uy - a.uy * b.ux);
   const auto stays_apart = [this](double now, double rate, double limit) {
-    const double then = now + rate * params_.ttc_encounter;
+    const double then = now + rate * horizon_;
     return (now > limit && then > limit) || (now < -limit && then < -limit);
   };
   return !stays_apart(a.ux * dy - a.uy * dx, a.ux * wy - a.uy * wx,
@@ -337,48 +452,159 @@ void SafetyMonitor::UpdateContact(const TrafficFrame& frame, const ClosePair& pa
   contact.closing_speed = touch.closing_speed;
 }
 
+SafetyMonitor::OpenEncounter& SafetyMonitor::Open(std::int32_t first, std::int32_t second, double time) {
+  const auto [it, begins] = open_encounters_.try_emplace(PairKey(first, second));
+  OpenEncounter& open = it->second;
+  if (!begins) return open;
+  open.encounter.first = first;
+  open.encounter.second = second;
+  open.encounter.begin = open.encounter.end = time;
+  for (const Snapshot& snapshot : snapshots_) {
+    const auto row = [&](std::int32_t number) {
+      const auto n = static_cast<std::size_t>(number);
+      return n < snapshot.row_of.size() ? snapshot.row_of[n] : kNone;
+    };
+    if (row(first) == kNone || row(second) == kNone) continue;
+    open.samples.push_back({0, snapshot.time, snapshot.rows[static_cast<std::size_t>(row(first))],
+                            snapshot.rows[static_cast<std::size_t>(row(second))]});
+  }
+  return open;
+}
+
 void SafetyMonitor::UpdateEncounter(const TrafficFrame& frame, const ClosePair& pair) {
-  const auto [it, begins] = open_encounters_.try_emplace(PairKey(pair.first, pair.second));
-  Encounter& encounter = it->second;
-  if (begins) {
-    encounter.first = pair.first;
-    encounter.second = pair.second;
-    encounter.begin = frame.time;
+  Encounter& e = Open(pair.first, pair.second, frame.time).encounter;
+  e.end = frame.time;
+  const auto i = static_cast<std::size_t>(pair.first_row), j = static_cast<std::size_t>(pair.second_row);
+  const bool undefined = !IsDefined(e.min_ttc) && !IsDefined(e.pet);
+  if (pair.ttc < e.min_ttc || (undefined && pair.drac > e.max_drac)) {
+    e.critical = frame.time;
+    e.first_agent = frame.agent_driven[i] != 0;
+    e.second_agent = frame.agent_driven[j] != 0;
+    e.x = 0.5 * (frame.x[i] + frame.x[j]);
+    e.y = 0.5 * (frame.y[i] + frame.y[j]);
+    e.first_lane = frame.lane[i];
+    e.second_lane = frame.lane[j];
+    e.in_junction = frame.in_junction[i] || frame.in_junction[j];
+    e.first_speed = frame.speed[i];
+    e.second_speed = frame.speed[j];
+    e.type = pair.type;
+    e.ego_is_first = pair.ego_is_first;
   }
-  encounter.end = frame.time;
-  const double distance =
-      pair.ttc == 0.0 ? 0.0
-                      : Distance(VehicleAt(frame, static_cast<std::size_t>(pair.first_row)).footprint,
-                                 VehicleAt(frame, static_cast<std::size_t>(pair.second_row)).footprint);
-  if (distance < encounter.min_distance) {
-    encounter.min_distance = distance;
-    encounter.min_distance_time = frame.time;
+  const auto extreme = [&](bool beyond, double value, double* best, double* time) {
+    if (!beyond) return;
+    *best = value;
+    *time = frame.time;
+  };
+  const bool counts = pair.ttc < params_.ttc_encounter;  // Else it is here for its DRAC.
+  extreme(counts && pair.ttc < e.min_ttc, pair.ttc, &e.min_ttc, &e.min_ttc_time);
+  extreme(pair.drac > e.max_drac, pair.drac, &e.max_drac, &e.max_drac_time);
+  extreme(pair.mttc < e.min_mttc, pair.mttc, &e.min_mttc, &e.min_mttc_time);
+  extreme(pair.closing > e.max_closing_speed, pair.closing, &e.max_closing_speed, &e.max_closing_speed_time);
+
+  if (pair.depth <= params_.contact_depth || e.contact) return;
+  e.contact = true;
+  const double closing = open_contacts_.at(PairKey(pair.first, pair.second)).closing_speed;
+  const bool known = frame.mass[i] > 0.0 && frame.mass[j] > 0.0;
+  const double share = known ? frame.mass[j] / (frame.mass[i] + frame.mass[j]) : 0.5;
+  e.first_delta_v = share * closing;
+  e.second_delta_v = (1.0 - share) * closing;
+}
+
+void SafetyMonitor::UpdateEncroachment(const TrafficFrame& frame, const Encroachment& encroachment) {
+  const bool later_is_first = encroachment.later < encroachment.earlier;
+  const std::int32_t first = std::min(encroachment.earlier, encroachment.later);
+  const std::int32_t second = std::max(encroachment.earlier, encroachment.later);
+  Encounter& e = Open(first, second, encroachment.time - encroachment.pet).encounter;
+  // While the later one passes there may be more, none as close.
+  if (encroachment.pet >= e.pet) return;
+  e.begin = std::min(e.begin, encroachment.time - encroachment.pet);
+  e.end = std::max(e.end, encroachment.time);
+  e.pet = encroachment.pet;
+  e.pet_time = encroachment.time;
+  if (IsDefined(e.min_ttc)) return;
+  e.critical = encroachment.time;
+  e.x = encroachment.x;
+  e.y = encroachment.y;
+  e.type = encroachment.type;
+  e.ego_is_first = later_is_first;
+  e.first_agent = later_is_first ? encroachment.later_agent : encroachment.earlier_agent;
+  e.second_agent = later_is_first ? encroachment.earlier_agent : encroachment.later_agent;
+  e.first_lane = later_is_first ? encroachment.later_lane : encroachment.earlier_lane;
+  e.second_lane = later_is_first ? encroachment.earlier_lane : encroachment.later_lane;
+  e.first_speed = later_is_first ? encroachment.later_speed : encroachment.earlier_speed;
+  e.second_speed = later_is_first ? encroachment.earlier_speed : encroachment.later_speed;
+  for (const std::int32_t number : {first, second}) {
+    const std::int32_t row = row_of_[static_cast<std::size_t>(number)];
+    if (row != kNone) e.in_junction = e.in_junction || frame.in_junction[static_cast<std::size_t>(row)];
   }
-  encounter.contact = encounter.contact || pair.depth > params_.contact_depth;
-  if (pair.ttc < encounter.min_ttc) {
-    const auto i = static_cast<std::size_t>(pair.first_row), j = static_cast<std::size_t>(pair.second_row);
-    encounter.first_agent = frame.agent_driven[i] != 0;
-    encounter.second_agent = frame.agent_driven[j] != 0;
-    encounter.min_ttc = pair.ttc;
-    encounter.min_ttc_time = frame.time;
-    encounter.x = 0.5 * (frame.x[i] + frame.x[j]);
-    encounter.y = 0.5 * (frame.y[i] + frame.y[j]);
-    encounter.first_lane = frame.lane[i];
-    encounter.second_lane = frame.lane[j];
-    encounter.in_junction = frame.in_junction[i] || frame.in_junction[j];
-    encounter.critical = frame.time;
-    encounter.first_speed = frame.speed[i];
-    encounter.second_speed = frame.speed[j];
+}
+
+/// Distance and samples of every open encounter, be its pair beyond a threshold in this step or not.
+void SafetyMonitor::UpdateOpenEncounters(const TrafficFrame& frame) {
+  for (auto& [key, open] : open_encounters_) {
+    Encounter& e = open.encounter;
+    const std::int32_t i = row_of_[static_cast<std::size_t>(e.first)];
+    const std::int32_t j = row_of_[static_cast<std::size_t>(e.second)];
+    if (i == kNone || j == kNone) continue;
+    const auto first = static_cast<std::size_t>(i), second = static_cast<std::size_t>(j);
+    const double distance = Distance(FootprintOf(frame, first), FootprintOf(frame, second));
+    if (distance < e.min_distance) {
+      e.min_distance = distance;
+      e.min_distance_time = frame.time;
+    }
+    if (is_snapshot_ && (open.samples.empty() || open.samples.back().time < frame.time)) {
+      const Snapshot& now = snapshots_.back();
+      open.samples.push_back({0, frame.time, now.rows[first], now.rows[second]});
+    }
   }
-  encounter.near_miss = !encounter.contact && encounter.min_ttc < params_.ttc_near_miss;
+}
+
+void SafetyMonitor::TakeSnapshot(const TrafficFrame& frame) {
+  // Half a step of tolerance: times are sums of steps.
+  is_snapshot_ = params_.event_period > 0.0 &&
+                 (snapshots_.empty() ||
+                  frame.time >= snapshots_.back().time + params_.event_period - 0.5 * step_length_);
+  if (!is_snapshot_) return;
+  Snapshot oldest;  // Its memory is used again.
+  // An encroachment is known up to half a second, and its time, after it began.
+  const double kept = params_.event_before + params_.pet_encounter + 1.0;
+  while (!snapshots_.empty() && snapshots_.front().time < frame.time - kept) {
+    oldest = std::move(snapshots_.front());
+    snapshots_.pop_front();
+  }
+  oldest.time = frame.time;
+  oldest.row_of = row_of_;
+  oldest.rows.resize(frame.size());
+  for (std::size_t i = 0; i < frame.size(); ++i) {
+    oldest.rows[i] = {frame.x[i], frame.y[i], frame.heading[i], frame.speed[i], frame.accel[i]};
+  }
+  snapshots_.push_back(std::move(oldest));
 }
 
 void SafetyMonitor::CloseUntil(double last_seen) {
-  MoveFinished(last_seen, &open_contacts_, &finished_contacts_);
-  const std::size_t first_new = finished_encounters_.size();
-  MoveFinished(last_seen, &open_encounters_, &finished_encounters_);
-  for (std::size_t k = first_new; k < finished_encounters_.size(); ++k)
-    finished_encounters_[k].number = encounter_count_++;
+  for (Contact& contact : TakeEnded(
+           last_seen, [](const Contact& c) { return c.end; }, &open_contacts_))
+    finished_contacts_.push_back(contact);
+  for (OpenEncounter& open : TakeEnded(
+           last_seen, [](const OpenEncounter& o) { return o.encounter.end; }, &open_encounters_))
+    CloseEncounter(&open);
+}
+
+void SafetyMonitor::CloseEncounter(OpenEncounter* open) {
+  Encounter& e = open->encounter;
+  e.number = encounter_count_++;
+  e.near_miss = !e.contact && e.min_ttc < params_.ttc_near_miss;
+  const bool serious =
+      e.min_ttc < params_.ttc_near_miss || e.max_drac > params_.drac_serious || e.pet < params_.pet_serious;
+  e.severity = e.contact ? Severity::kContact : serious ? Severity::kSerious : Severity::kConflict;
+  if (e.contact) e.min_distance = 0.0;
+  finished_encounters_.push_back(e);
+  for (EncounterSample& sample : open->samples) {
+    if (sample.time < e.critical - params_.event_before || sample.time > e.critical + params_.event_after)
+      continue;
+    sample.encounter = e.number;
+    finished_samples_.push_back(sample);
+  }
 }
 
 void SafetyMonitor::Finish() {
@@ -391,6 +617,10 @@ std::vector<Contact> SafetyMonitor::TakeFinishedContacts() {
 
 std::vector<Encounter> SafetyMonitor::TakeFinishedEncounters() {
   return std::exchange(finished_encounters_, {});
+}
+
+std::vector<EncounterSample> SafetyMonitor::TakeFinishedSamples() {
+  return std::exchange(finished_samples_, {});
 }
 
 }  // namespace lanewise

@@ -1,33 +1,25 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <limits>
+#include <memory>
 #include <span>
-#include <string_view>
 #include <unordered_map>
 #include <vector>
 
 #include "agents/core/geometry.h"
 #include "agents/core/types.h"
+#include "agents/network/road_network.h"
 #include "agents/sensing/spatial_grid.h"
+#include "analysis/conflict_geometry.h"
 #include "analysis/encounter.h"
+#include "analysis/encroachment_watch.h"
+#include "analysis/lane_order.h"
+#include "analysis/safety_params.h"
 #include "analysis/traffic_frame.h"
 
 namespace lanewise {
-
-/// What is watched.
-enum class SafetyLevel : std::uint8_t { kOff, kContacts, kFull };
-inline constexpr std::string_view kSafetyLevelNames[] = {"off", "contacts", "full"};
-
-struct SafetyParams {
-  double ttc_encounter{3.0};    ///< [s] a pair below it has an encounter (SUMO's SSM default).
-  double ttc_near_miss{1.5};    ///< [s] an encounter below it, without contact, is a near miss.
-  double separation_time{2.0};  ///< [s] apart for less than this: still the same contact or encounter.
-  double contact_depth{
-      0.001};  ///< [m] boxes overlapping by more are in contact: above rounding, below relevance.
-  double standing_speed{0.1};  ///< [m/s] slower vehicles never strike.
-  double front_zone{0.25};  ///< Leading part of a box, ratio of its length, in which a hit counts as frontal.
-};
 
 /// One contact of a pair, from the first overlap of the boxes until they stay apart.
 struct Contact {
@@ -52,18 +44,25 @@ struct Contact {
   }
 };
 
-/// Watches all pairs of road users on their true 2-D poses. TTC: time until the boxes touch if both keep
-/// velocity and heading. Pedestrian pairs and pairs both standing at planned stops are no traffic conflict:
-/// skipped. The result does not depend on the number of threads nor on the order of the rows.
+/// Watches all pairs of road users on their true 2-D poses: who touches whom, and who comes close in time.
+/// Pairs that follow each other along their lanes are measured along them, as SUMO's device.ssm does; all
+/// others by their boxes in the plane, each keeping velocity and heading. Pedestrian pairs and pairs both
+/// standing at planned stops are no traffic conflict: skipped. The result does not depend on the number of
+/// threads nor on the order of the rows.
 class SafetyMonitor {
  public:
-  explicit SafetyMonitor(SafetyParams params = {}) : params_(params) {}
+  /// Without a network (null) or paths in the frames nobody is known to follow along lanes.
+  explicit SafetyMonitor(SafetyParams params = {}, const RoadNetwork* network = nullptr,
+                         SafetyLevel level = SafetyLevel::kFull);
 
   /// Call once per step, in order of time.
   void Observe(const TrafficFrame& frame);
 
-  /// Smallest TTC [s] of each row of the last frame; infinity = none below ttc_encounter.
+  /// Smallest TTC [s] of each row of the last frame; infinity = none below ttc_encounter. Empty unless
+  /// watched.
   std::span<const double> row_ttc() const { return row_ttc_; }
+  /// Largest DRAC [m/s^2] of each row of the last frame over its pairs with such a TTC; 0 = none. Likewise.
+  std::span<const double> row_drac() const { return row_drac_; }
 
   /// Ends everything that is still open: at the end of the run.
   void Finish();
@@ -71,6 +70,8 @@ class SafetyMonitor {
   /// Closed events since the last call, in order of closing; the monitor forgets them.
   std::vector<Contact> TakeFinishedContacts();
   std::vector<Encounter> TakeFinishedEncounters();
+  /// Of the encounters closed since the last call: how both moved around the critical moment.
+  std::vector<EncounterSample> TakeFinishedSamples();
 
   /// Contacts begun since the start of the run, open ones included.
   std::int64_t contact_count() const { return contact_count_; }
@@ -89,36 +90,71 @@ class SafetyMonitor {
     double half_length, half_width;  // [m]
     double radius;                   // [m] of the circumscribed circle.
   };
+  /// A pair beyond a threshold in this step.
   struct ClosePair {
     std::int32_t first, second;  // Vehicle numbers, first < second.
     std::int32_t first_row, second_row;
-    double ttc;    // [s]
-    double depth;  // [m] > contact_depth: in contact.
+    double ttc;      // [s]
+    double depth;    // [m] > contact_depth: in contact.
+    double drac;     // [m/s^2] 0: undefined.
+    double mttc;     // [s] infinity: undefined.
+    double closing;  // [m/s]
+    EncounterType type;
+    bool ego_is_first;
+  };
+  struct OpenEncounter {
+    Encounter encounter;
+    std::vector<EncounterSample> samples;  // In order of time, of all of it.
+  };
+  /// All road users at one moment.
+  struct Snapshot {
+    double time;                               // [s]
+    std::vector<std::int32_t> row_of;          // By vehicle number; kNone: was not there.
+    std::vector<EncounterSample::State> rows;  // By row.
   };
 
   void PrepareBodies(const TrafficFrame& frame);
   void FindClosePairs(const TrafficFrame& frame);
   void FindPartners(const TrafficFrame& frame, std::size_t i, std::vector<ClosePair>* found) const;
+  void FindLeaders(const TrafficFrame& frame, std::size_t i, std::vector<ClosePair>* found) const;
+  bool MeasureInPlane(const TrafficFrame& frame, ClosePair* pair) const;
   bool MayTouch(const Body& a, const Body& b) const;
+  MovingBox BoxOf(std::size_t row) const;
+  Footprint FootprintOf(const TrafficFrame& frame, std::size_t row) const;
+
   void UpdateContact(const TrafficFrame& frame, const ClosePair& pair);
   void UpdateEncounter(const TrafficFrame& frame, const ClosePair& pair);
+  void UpdateEncroachment(const TrafficFrame& frame, const Encroachment& encroachment);
+  void UpdateOpenEncounters(const TrafficFrame& frame);
+  void TakeSnapshot(const TrafficFrame& frame);
+  OpenEncounter& Open(std::int32_t first, std::int32_t second, double time);
   void CloseUntil(double last_seen);
+  void CloseEncounter(OpenEncounter* open);
 
   SafetyParams params_;
+  const RoadNetwork* network_;
+  SafetyLevel level_;
+  double horizon_;  // [s] within which contact is searched.
   SpatialGrid grid_{25.0};
+  std::unique_ptr<LaneOrder> lane_order_;  // Null without a network.
+  EncroachmentWatch encroachments_;
   double step_length_{0.0};  // [s] between the last two frames.
   double last_time_{0.0};
   bool observed_{false};
   std::vector<Sweep> sweeps_;
   std::vector<Body> bodies_;
   std::vector<double> sweep_x_, sweep_y_;  // The grid's columns.
+  std::vector<std::int32_t> row_of_;       // By vehicle number; kNone: not in the frame.
   std::vector<std::vector<ClosePair>> found_by_thread_;
   std::vector<ClosePair> close_pairs_;
-  std::vector<double> row_ttc_;
-  std::unordered_map<std::uint64_t, Contact> open_contacts_;      // By pair.
-  std::unordered_map<std::uint64_t, Encounter> open_encounters_;  // By pair.
+  std::vector<double> row_ttc_, row_drac_;
+  std::deque<Snapshot> snapshots_;                                    // The last event_before seconds.
+  bool is_snapshot_{false};                                           // The last frame is one.
+  std::unordered_map<std::uint64_t, Contact> open_contacts_;          // By pair.
+  std::unordered_map<std::uint64_t, OpenEncounter> open_encounters_;  // By pair.
   std::vector<Contact> finished_contacts_;
   std::vector<Encounter> finished_encounters_;
+  std::vector<EncounterSample> finished_samples_;
   std::int64_t contact_count_{0};
   std::int32_t encounter_count_{0};  // Finished ones.
 };

@@ -17,6 +17,7 @@
 #include "scenarios/compare.h"
 #include "scenarios/doctor.h"
 #include "scenarios/run.h"
+#include "scenarios/ssm_bench.h"
 
 namespace lanewise {
 namespace {
@@ -218,6 +219,16 @@ int Main(int argc, char** argv) {
       ->delimiter(',');
   city->footer(
       "Example: lanewise bench city -c bologna/acosta/run.sumocfg --threads 2 --repeat-threads 1,2,4");
+  CLI::App* ssm = bench->add_subcommand(
+      "ssm", "The safety engine against SUMO's own device.ssm, on one native run of a scenario");
+  RunOptions ssm_options;
+  AddRunOptions(ssm, &ssm_options);
+  std::string differences_file;
+  ssm->add_option("--results", ssm_options.results, "keep the run in this SQLite file");
+  ssm->add_option("--differences", differences_file, "CSV file of the encounters that do not agree");
+  ssm->footer(
+      "Example: lanewise bench ssm -c bologna/acosta/run.sumocfg --end 600 --differences differences.csv\n"
+      "With its device on every vehicle SUMO is about ten times slower.");
   std::string results_file;
   CLI::App* info = app.add_subcommand("info", "What a results file holds: runs, policies, counts");
   info->add_option("RESULTS", results_file, "SQLite file")->required();
@@ -235,7 +246,7 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kOk : kBadInput;
   }
-  if (!sumo_options.empty() && !run->parsed() && !demo->parsed() && !city->parsed())
+  if (!sumo_options.empty() && !run->parsed() && !demo->parsed() && !city->parsed() && !ssm->parsed())
     throw ConfigError("options behind -- are for runs only");
 
   if (chosen) return chosen();
@@ -251,6 +262,7 @@ int Main(int argc, char** argv) {
     return Demo(Finish(&demo_options, sumo_options));
   }
   if (city->parsed()) return BenchCity(Finish(&bench_options, sumo_options), thread_counts) ? kOk : kFailed;
+  if (ssm->parsed()) return BenchSsm(Finish(&ssm_options, sumo_options), differences_file) ? kOk : kFailed;
   if (info->parsed()) {
     fmt::print("{}", FormatInfo(results_file, LoadRunSummaries(results_file)));
     return kOk;

@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "agents/core/geometry.h"
+#include "agents/sensing/road_view.h"
 #include "agents/vehicle/kinematic_bicycle.h"
+#include "analysis/vehicle_mass.h"
 
 namespace lanewise {
 namespace {
@@ -24,7 +26,7 @@ Recorder::Recorder(const RoadNetwork& network, const RecorderParams& params, Run
     : network_(network),
       params_(params),
       writer_(writer),
-      safety_(params.safety),
+      safety_(params.safety, &network, params.safety_level),
       trips_(params.step_length, {.ttc_encounter = params.safety.ttc_encounter}),
       edges_(network, params.begin, params.step_length, params.edge_interval),
       comfort_(params.step_length),
@@ -54,7 +56,7 @@ void Recorder::Observe(std::int64_t step, double time, double wall_time, const T
     safety_.Observe(frame_);
     safety_time_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
-  trips_.Observe(frame_, safety_.row_ttc());
+  trips_.Observe(frame_, safety_.row_ttc(), safety_.row_drac());
   edges_.Observe(frame_);
   comfort_.Observe(frame_);
   for (const Departure& gone : bridge.gone())
@@ -78,6 +80,12 @@ void Recorder::Depart(const Traffic& traffic, const VehicleBridge& bridge) {
     ++inserted_;
     ++shares_[static_cast<std::size_t>(policy)].vehicles;
   }
+  const auto weigh = [this](std::int32_t number, const std::string& vehicle_class) {
+    const auto n = static_cast<std::size_t>(number);
+    if (n >= ways_.size()) ways_.resize(n + 1);
+    ways_[n].mass = TypicalMass(vehicle_class);
+  };
+  for (const VehicleRow& vehicle : vehicles_) weigh(vehicle.number, vehicle.vclass);
   // Persons have a number and samples, but no trip and no share in the policies.
   for (const NewPerson& person : bridge.new_persons()) {
     const VehicleRecord& record = person.record;
@@ -85,6 +93,7 @@ void Recorder::Depart(const Traffic& traffic, const VehicleBridge& bridge) {
                          std::string(kPolicyNames[static_cast<std::size_t>(Policy::kSumo)]), record.depart,
                          record.depart_delay, traffic.params[person.row].length,
                          traffic.params[person.row].width});
+    weigh(vehicles_.back().number, vehicles_.back().vclass);
   }
 }
 
@@ -109,6 +118,7 @@ void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic,
     frame_.pedestrian[i] = !vehicle;
     frame_.agent_driven[i] = driven;
     frame_.lane[i] = now.lane[i];
+    FillWay(traffic, i);
     const double slip =
         driven ? SlipAngle(now.steering_angle[i], params.wheelbase, params.rear_axle_to_front) : 0.0;
     frame_.vx[i] = now.speed[i] * std::cos(now.heading[i] + slip);
@@ -120,6 +130,7 @@ void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic,
     frame_.lateral_accel[i] = frame_.yaw_rate[i] * now.speed[i];
     frame_.lane_pos[i] = now.s[i];
     frame_.lateral_offset[i] = now.d[i];
+    frame_.lateral_speed[i] = driven ? now.speed[i] * std::sin(now.heading_error[i] + slip) : 0.0;
     frame_.allowed_speed[i] = traffic.speed_limit[i];
     frame_.in_junction[i] = now.lane[i] != kNone && network_.lanes[now.lane[i]].internal;
     frame_.planned_stop[i] = traffic.hazard[i];
@@ -135,6 +146,34 @@ void Recorder::FillFrame(std::int64_t step, double time, const Traffic& traffic,
     ++vehicle_steps_;
     agent_steps_ += driven;
   }
+}
+
+void Recorder::FillWay(const Traffic& traffic, std::size_t row) {
+  Way& way = ways_[static_cast<std::size_t>(traffic.number[row])];
+  const LaneIndex lane = traffic.now.lane[row];
+  if (lane != way.lane) {
+    const bool beside =
+        lane != kNone && way.lane != kNone && network_.lanes[lane].edge == network_.lanes[way.lane].edge;
+    if (!beside) way.behind = way.lane;  // A lane change leaves the way behind as it was.
+  }
+  if (lane != way.lane || traffic.plan[row] != way.plan ||
+      traffic.route_position[row] != way.route_position) {
+    way.lane = lane;
+    way.plan = traffic.plan[row];
+    way.route_position = traffic.route_position[row];
+    way.path = {};
+    LaneIndex next = lane;
+    auto position = static_cast<std::size_t>(std::max(0, way.route_position));
+    for (std::size_t k = 0; k < LanePath::kLanes && next != kNone; ++k) {
+      way.path.lane[k] = next;
+      if (way.plan == nullptr) break;
+      next = NextLane(network_, *way.plan, position, next);
+      if (next != kNone && !network_.lanes[next].internal) ++position;
+    }
+  }
+  frame_.path[row] = way.path;
+  frame_.lane_behind[row] = way.behind;
+  frame_.mass[row] = way.mass;
 }
 
 void Recorder::FinishTrip(std::int32_t number, double time, TripEnd end) {
@@ -177,10 +216,12 @@ void Recorder::Flush() {
     writer_->Add(summaries_);
     writer_->Add(safety_.TakeFinishedContacts());
     writer_->Add(safety_.TakeFinishedEncounters());
+    writer_->Add(safety_.TakeFinishedSamples());
     writer_->Add(edges_.TakeFinished());
   } else {
     safety_.TakeFinishedContacts();
     safety_.TakeFinishedEncounters();
+    safety_.TakeFinishedSamples();
     edges_.TakeFinished();
   }
   vehicles_.clear();

@@ -48,15 +48,26 @@ class Recorder {
  private:
   void FillFrame(std::int64_t step, double time, const Traffic& traffic, const VehicleBridge& bridge);
   void Depart(const Traffic& traffic, const VehicleBridge& bridge);
+  void FillWay(const Traffic& traffic, std::size_t row);
   void FinishTrip(std::int32_t number, double time, TripEnd end);
   void Sample();
   void Summarize(double wall_time, const VehicleBridge& bridge);
   void Flush();
 
+  /// A vehicle's lanes ahead and behind; they change only with its lane or its route.
+  struct Way {
+    const RoutePlan* plan{nullptr};
+    std::int32_t route_position{kNone};
+    LaneIndex lane{kNone}, behind{kNone};
+    LanePath path;
+    double mass{0.0};  // [kg]
+  };
+
   const RoadNetwork& network_;
   RecorderParams params_;
   RunWriter* writer_;
   TrafficFrame frame_;
+  std::vector<Way> ways_;  // By vehicle number.
   SafetyMonitor safety_;
   TripRecorder trips_;
   EdgeRecorder edges_;

@@ -6,7 +6,10 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <string>
 #include <vector>
+
+#include "tests/support/small_nets.h"
 
 namespace lanewise {
 namespace {
@@ -195,6 +198,201 @@ TEST(SafetyMonitor, AQueueStandingBumperToBumperIsNoConflict) {
   EXPECT_TRUE(events.encounters.empty());
 }
 
+/// Puts a mover on a lane of a network, its position there as told; the path as far as it is given.
+void PutOnLane(const RoadNetwork& network, std::size_t row, const std::vector<std::string>& path,
+               double lane_pos, TrafficFrame* frame) {
+  for (std::size_t k = 0; k < path.size(); ++k) frame->path[row].lane[k] = network.FindLane(path[k]);
+  frame->lane[row] = frame->path[row].lane[0];
+  frame->lane_pos[row] = lane_pos;
+}
+
+std::vector<Encounter> WatchFrames(const RoadNetwork& network, const std::vector<TrafficFrame>& frames) {
+  SafetyMonitor monitor({}, &network);
+  for (const TrafficFrame& frame : frames) monitor.Observe(frame);
+  monitor.Finish();
+  return monitor.TakeFinishedEncounters();
+}
+
+TEST(SafetyMonitor, EncounterHasAllItsMeasuresByHand) {
+  // 12 m/s towards a standing one 18 m ahead, braking with 3 m/s^2: TTC 1.5, DRAC 144 / 36 = 4, MTTC 2 (12 *
+  // 2 - 1.5 * 4 = 18).
+  TrafficFrame frame = FrameOf({{.x = 0.0, .speed = 12.0}, {.x = 23.0}}, 0);
+  frame.accel[0] = -3.0;
+  SafetyMonitor monitor;
+  monitor.Observe(frame);
+  EXPECT_NEAR(monitor.row_drac()[1], 4.0, 1e-9);
+  monitor.Finish();
+  const std::vector<Encounter> encounters = monitor.TakeFinishedEncounters();
+  ASSERT_EQ(encounters.size(), 1u);
+  const Encounter& e = encounters[0];
+  EXPECT_EQ(e.type, EncounterType::kFollowing);
+  EXPECT_TRUE(e.ego_is_first);
+  EXPECT_NEAR(e.min_ttc, 1.5, 1e-9);
+  EXPECT_NEAR(e.max_drac, 4.0, 1e-9);
+  EXPECT_NEAR(e.min_mttc, 2.0, 1e-9);
+  EXPECT_NEAR(e.max_closing_speed, 12.0, 1e-9);
+  EXPECT_NEAR(e.min_distance, 18.0, 1e-9);
+  EXPECT_EQ(e.severity, Severity::kConflict);  // 1.5 s is not below 1.5 s.
+  EXPECT_EQ(e.pet, Encounter::kUndefined);
+}
+
+TEST(SafetyMonitor, CrossingHasTtcAndDrac) {
+  // As in conflict_geometry_test: east is in the shared square from 1.91 to 2.59 s, north (1) from 2 to 2.75
+  // s.
+  SafetyMonitor monitor;
+  monitor.Observe(FrameOf({{.x = -20.0, .speed = 10.0},
+                           {.y = -17.0, .heading = kPi / 2.0, .speed = 8.0, .length = 4.0, .width = 1.8}},
+                          0));
+  monitor.Finish();
+  const std::vector<Encounter> encounters = monitor.TakeFinishedEncounters();
+  ASSERT_EQ(encounters.size(), 1u);
+  EXPECT_EQ(encounters[0].type, EncounterType::kCrossing);
+  EXPECT_FALSE(encounters[0].ego_is_first);  // North comes second.
+  EXPECT_NEAR(encounters[0].min_ttc, 2.0, 1e-9);
+  EXPECT_NEAR(encounters[0].max_drac, 16.0 * 0.59 / (2.59 * 2.59), 1e-9);
+  EXPECT_NEAR(encounters[0].max_closing_speed, std::sqrt(164.0), 1e-9);
+}
+
+TEST(SafetyMonitor, PetOfACrossingIsEntryMinusExit) {
+  // North's front 33 m before the middle: it enters at 4 s, east has left at 2.59 s. Never on collision
+  // course.
+  const Events events = Watch({{.x = -20.0, .speed = 10.0},
+                               {.y = -33.0, .heading = kPi / 2.0, .speed = 8.0, .length = 4.0, .width = 1.8}},
+                              60);
+  ASSERT_EQ(events.encounters.size(), 1u);
+  const Encounter& e = events.encounters[0];
+  EXPECT_NEAR(e.pet, 1.41, 1e-9);
+  EXPECT_NEAR(e.pet_time, 4.0, 1e-9);
+  EXPECT_NEAR(e.begin, 2.59, 1e-9);
+  EXPECT_NEAR(e.end, 4.0, 1e-9);
+  EXPECT_NEAR(e.critical, 4.0, 1e-9);
+  EXPECT_EQ(e.min_ttc, Encounter::kUndefined);
+  EXPECT_EQ(e.type, EncounterType::kCrossing);
+  EXPECT_FALSE(e.ego_is_first);
+  EXPECT_FALSE(e.near_miss);
+}
+
+TEST(SafetyMonitor, PetKnowsPedestriansAndThresholds) {
+  // A walker, 0.3 m deep and 0.5 m wide, leaves the car's strip (|y| <= 1) northward: its back at y = 1 at t
+  // = (1 + 0.3 + 2) / 1.5 = 2.2 s. The car's front reaches the walker's strip, x = -0.25, at (x + 0.25) / 10
+  // before 0.
+  const auto pet = [](double car_x) {
+    const Events events = Watch(
+        {{.y = -2.0, .heading = kPi / 2.0, .speed = 1.5, .pedestrian = true, .length = 0.3, .width = 0.5},
+         {.x = car_x, .speed = 10.0}},
+        80);
+    return events.encounters.empty() ? -1.0 : events.encounters[0].pet;
+  };
+  EXPECT_NEAR(pet(-32.25), 3.2 - 2.2, 1e-9);
+  EXPECT_NEAR(pet(-40.25), 4.0 - 2.2, 1e-9);
+  EXPECT_EQ(pet(-43.25), -1.0);  // 2.1 s: above the threshold.
+}
+
+TEST(SafetyMonitor, FollowersOnABendAreMeasuredAlongIt) {
+  // On an arc of radius 40 m, 12 m/s behind 6 m/s: front to front 20 m along the lane, so 15 m of gap and 2.5
+  // s. In straight lines the follower would pass the leader by.
+  const RoadNetwork network = BendNet(40.0, 1.5);
+  const auto at = [](double s, double speed) {
+    const double a = s / 40.0;
+    return Mover{.x = 40.0 * std::sin(a), .y = 40.0 * (1.0 - std::cos(a)), .heading = a, .speed = speed};
+  };
+  TrafficFrame frame = FrameOf({at(10.0, 12.0), at(30.0, 6.0)}, 0);
+  PutOnLane(network, 0, {"bend_0"}, 10.0, &frame);
+  PutOnLane(network, 1, {"bend_0"}, 30.0, &frame);
+  const std::vector<Encounter> encounters = WatchFrames(network, {frame});
+  ASSERT_EQ(encounters.size(), 1u);
+  EXPECT_EQ(encounters[0].type, EncounterType::kFollowing);
+  EXPECT_NEAR(encounters[0].min_ttc, 2.5, 1e-9);
+  EXPECT_NEAR(encounters[0].max_drac, 36.0 / 30.0, 1e-9);
+  EXPECT_TRUE(encounters[0].ego_is_first);
+}
+
+TEST(SafetyMonitor, FollowersAreFoundAcrossJunctions) {
+  // Fronts at 95 m of e0 and 12 m of e1, 8 m of junction between: 25 m apart, gap 20 m, closing at 8 m/s.
+  const RoadNetwork network = ChainNet(2, 1, 100.0);
+  TrafficFrame frame = FrameOf({{.x = 95.0, .speed = 10.0}, {.x = 120.0, .speed = 2.0}}, 0);
+  PutOnLane(network, 0, {"e0_0", ":J1_0_0", "e1_0"}, 95.0, &frame);
+  PutOnLane(network, 1, {"e1_0"}, 12.0, &frame);
+  const std::vector<Encounter> encounters = WatchFrames(network, {frame});
+  ASSERT_EQ(encounters.size(), 1u);
+  EXPECT_NEAR(encounters[0].min_ttc, 2.5, 1e-9);
+}
+
+TEST(SafetyMonitor, WhoKeepsItsLaneBesideAnotherIsNoConflictUntilItLeavesIt) {
+  // Headings 0.1 rad towards each other, as on a bend: in straight lines they would touch.
+  const RoadNetwork network = ChainNet(1, 2, 500.0);
+  const auto run = [&](double lateral_speed, double lateral_offset) {
+    TrafficFrame frame = FrameOf({{.x = 100.0, .heading = 0.1, .speed = 10.0},
+                                  {.x = 102.0, .y = kLaneWidth, .heading = -0.1, .speed = 10.0}},
+                                 0);
+    PutOnLane(network, 0, {"e0_0"}, 100.0, &frame);
+    PutOnLane(network, 1, {"e0_1"}, 102.0, &frame);
+    frame.lateral_speed[0] = lateral_speed;
+    frame.lateral_offset[0] = lateral_offset;
+    return WatchFrames(network, {frame});
+  };
+  EXPECT_TRUE(run(0.0, 0.0).empty());
+  const std::vector<Encounter> swerving = run(1.0, 0.0);
+  ASSERT_EQ(swerving.size(), 1u);
+  EXPECT_EQ(swerving[0].type, EncounterType::kSideSwipe);
+  const std::vector<Encounter> across = run(0.0, 0.8);  // 0.8 + 1 m reach beyond 1.6 m.
+  ASSERT_EQ(across.size(), 1u);
+  EXPECT_EQ(across[0].type, EncounterType::kStraddling);
+}
+
+TEST(SafetyMonitor, DeltaVFollowsTheMasses) {
+  SafetyMonitor monitor;
+  for (int k = 0; k < 40; ++k) {
+    TrafficFrame frame = FrameOf({{.x = 10.0, .speed = 5.0}, {.x = 0.0, .speed = 15.0}}, k);
+    frame.mass = {1500.0, 500.0};
+    monitor.Observe(frame);
+  }
+  monitor.Finish();
+  const std::vector<Encounter> encounters = monitor.TakeFinishedEncounters();
+  ASSERT_EQ(encounters.size(), 1u);
+  EXPECT_EQ(encounters[0].severity, Severity::kContact);
+  EXPECT_EQ(encounters[0].min_distance, 0.0);
+  EXPECT_NEAR(encounters[0].first_delta_v, 2.5, 1e-9);  // 10 m/s * 500 / 2000.
+  EXPECT_NEAR(encounters[0].second_delta_v, 7.5, 1e-9);
+}
+
+TEST(SafetyMonitor, KeepsBothTrajectoriesAroundTheCriticalMoment) {
+  // Closing until 3 s, then the leader drives off: the smallest TTC is at 3 s.
+  SafetyMonitor monitor;
+  for (int k = 0; k < 100; ++k) {
+    const bool closing = k <= 30;
+    TrafficFrame frame = FrameOf({{.x = 0.0, .speed = 14.0}, {.x = 45.0, .speed = 4.0}}, std::min(k, 30));
+    frame.time = 0.1 * k;
+    frame.speed[1] = frame.vx[1] = closing ? 4.0 : 20.0;
+    monitor.Observe(frame);
+  }
+  monitor.Finish();
+  const std::vector<Encounter> encounters = monitor.TakeFinishedEncounters();
+  ASSERT_EQ(encounters.size(), 1u);
+  EXPECT_NEAR(encounters[0].min_ttc_time, 3.0, 1e-9);
+  const std::vector<EncounterSample> samples = monitor.TakeFinishedSamples();
+  ASSERT_EQ(samples.size(), 7u);  // From 1 s to 4 s, every half second.
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    EXPECT_EQ(samples[k].encounter, 0);
+    EXPECT_NEAR(samples[k].time, 1.0 + 0.5 * static_cast<double>(k), 1e-9);
+  }
+  EXPECT_NEAR(samples[0].first.x, 14.0, 1e-9);
+  EXPECT_NEAR(samples[0].second.x, 49.0, 1e-9);
+  EXPECT_EQ(samples[0].second.speed, 4.0);
+}
+
+TEST(SafetyMonitor, WatchesNoMoreThanAsked) {
+  for (const SafetyLevel level : {SafetyLevel::kOff, SafetyLevel::kContacts}) {
+    SafetyMonitor monitor({}, nullptr, level);
+    for (int k = 0; k < 40; ++k)
+      monitor.Observe(FrameOf({{.x = 10.0, .speed = 5.0}, {.x = 0.0, .speed = 15.0}}, k));
+    monitor.Finish();
+    EXPECT_EQ(monitor.TakeFinishedContacts().size(), level == SafetyLevel::kContacts ? 1u : 0u);
+    EXPECT_TRUE(monitor.TakeFinishedEncounters().empty());
+    EXPECT_TRUE(monitor.row_ttc().empty());
+  }
+}
+
 TEST(Striking, StandingVehiclesNeverStrike) {
   EXPECT_EQ(StrikingOf({{.x = 20.0}, {.x = 0.0, .speed = 10.0}}), 1);
   // Backed into, from its front: still the one that moves.
@@ -321,8 +519,32 @@ TEST(SafetyMonitor, DoesNotDependOnThreadsNorRowOrder) {
                                    c.y, c.closing_speed, c.max_depth});
     }
     for (const Encounter& e : monitor.TakeFinishedEncounters()) {
-      values.insert(values.end(), {double(e.first), double(e.second), e.begin, e.end, e.min_ttc,
-                                   e.min_ttc_time, e.x, e.y, double(e.near_miss)});
+      values.insert(values.end(), {double(e.first),
+                                   double(e.second),
+                                   e.begin,
+                                   e.end,
+                                   e.min_ttc,
+                                   e.min_ttc_time,
+                                   e.x,
+                                   e.y,
+                                   double(e.near_miss),
+                                   double(e.number),
+                                   e.max_drac,
+                                   e.max_drac_time,
+                                   e.min_mttc,
+                                   e.pet,
+                                   e.pet_time,
+                                   e.min_distance,
+                                   e.min_distance_time,
+                                   e.max_closing_speed,
+                                   e.first_delta_v,
+                                   e.critical,
+                                   double(e.type),
+                                   double(e.ego_is_first),
+                                   double(e.severity)});
+    }
+    for (const EncounterSample& s : monitor.TakeFinishedSamples()) {
+      values.insert(values.end(), {double(s.encounter), s.time, s.first.x, s.second.y, s.first.speed});
     }
     return values;
   };

@@ -1,0 +1,124 @@
+#include "analysis/conflict_geometry.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace lanewise {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+double Dot(Point2 a, Point2 b) {
+  return a.x * b.x + a.y * b.y;
+}
+Point2 Left(Point2 u) {
+  return {-u.y, u.x};
+}
+
+/// The part of the region where ka a + kb b <= limit (Sutherland and Hodgman 1974).
+void Clip(double ka, double kb, double limit, ConflictRegion* region) {
+  ConflictRegion inside;
+  for (std::size_t k = 0; k < region->size; ++k) {
+    const auto p = region->corner[k];
+    const auto q = region->corner[k + 1 == region->size ? 0 : k + 1];
+    const double over_p = ka * p.a + kb * p.b - limit;
+    const double over_q = ka * q.a + kb * q.b - limit;
+    if (over_p <= 0.0) inside.corner[inside.size++] = p;
+    if ((over_p < 0.0 && over_q > 0.0) || (over_p > 0.0 && over_q < 0.0)) {
+      const double t = over_p / (over_p - over_q);
+      inside.corner[inside.size++] = {p.a + t * (q.a - p.a), p.b + t * (q.b - p.b)};
+    }
+  }
+  *region = inside;
+}
+
+/// Deceleration [m/s^2] with which a vehicle of this speed, instead of at time `t`, is at `t` only where it
+/// would have been at time `own`: own = t - decel t^2 / (2 speed) while it rolls, speed / (2 decel) once it
+/// stands.
+double DecelerationTo(double own, double t, double speed) {
+  if (t <= own) return 0.0;
+  if (own <= 0.0) return kNever;
+  return t >= 2.0 * own ? 0.5 * speed / own : 2.0 * speed * (t - own) / (t * t);
+}
+
+/// Smallest deceleration that takes the one who brakes behind the region: at every time of the other that
+/// belongs to it, its own lies below the region's lower border. The border is piecewise linear; over one
+/// piece own = p + q t the demand is largest at an end, where it is stationary (t = 2 p / (1 - q)), or where
+/// rolling becomes standing (t = 2 own).
+template <class Times>
+double DecelerationBehind(const ConflictRegion& region, double speed, Times&& times) {
+  if (speed <= 0.0) return kNever;
+  double needed = 0.0;
+  for (std::size_t k = 0; k < region.size; ++k) {
+    auto [t1, own1] = times(region.corner[k]);
+    auto [t2, own2] = times(region.corner[k + 1 == region.size ? 0 : k + 1]);
+    // Upper border pieces ask for less than the lower ones at the same time: taking them along is harmless.
+    needed = std::max({needed, DecelerationTo(own1, t1, speed), DecelerationTo(own2, t2, speed)});
+    if (t1 == t2) continue;
+    if (t1 > t2) {
+      std::swap(t1, t2);
+      std::swap(own1, own2);
+    }
+    const double q = (own2 - own1) / (t2 - t1);
+    const double p = own1 - q * t1;
+    for (const double t : {2.0 * p / (1.0 - q), 2.0 * p / (1.0 - 2.0 * q)}) {
+      if (t > t1 && t < t2) needed = std::max(needed, DecelerationTo(p + q * t, t, speed));
+    }
+  }
+  return needed;
+}
+
+}  // namespace
+
+ConflictRegion FindConflictRegion(const MovingBox& a, const MovingBox& b, double a_max, double b_max) {
+  ConflictRegion region;
+  region.corner[0] = {0.0, 0.0};
+  region.corner[1] = {a_max, 0.0};
+  region.corner[2] = {a_max, b_max};
+  region.corner[3] = {0.0, b_max};
+  region.size = 4;
+  const double c = std::abs(Dot(a.u, b.u)), s = std::abs(a.u.x * b.u.y - a.u.y * b.u.x);
+  const Point2 axes[] = {a.u, Left(a.u), b.u, Left(b.u)};
+  const double reach[] = {a.half_length + c * b.half_length + s * b.half_width,
+                          a.half_width + s * b.half_length + c * b.half_width,
+                          b.half_length + c * a.half_length + s * a.half_width,
+                          b.half_width + s * a.half_length + c * a.half_width};
+  const Point2 d{b.center.x - a.center.x, b.center.y - a.center.y};
+  for (std::size_t k = 0; k < 4 && !region.empty(); ++k) {
+    const double ka = -Dot(axes[k], a.velocity), kb = Dot(axes[k], b.velocity), now = Dot(axes[k], d);
+    Clip(ka, kb, reach[k] - now, &region);
+    Clip(-ka, -kb, reach[k] + now, &region);
+  }
+  return region;
+}
+
+ConflictRegion::Corner SoonestAfter(const ConflictRegion& region) {
+  return *std::min_element(
+      region.corner.begin(), region.corner.begin() + static_cast<std::ptrdiff_t>(region.size),
+      [](const ConflictRegion::Corner& p, const ConflictRegion::Corner& q) { return p.b - p.a < q.b - q.a; });
+}
+
+std::optional<double> DecelerationToAvoid(const ConflictRegion& region, double speed_a, double speed_b) {
+  using Corner = ConflictRegion::Corner;
+  const double decel = std::min(DecelerationBehind(region, speed_b,
+                                                   [](Corner p) {
+                                                     return std::pair{p.a, p.b};
+                                                   }),
+                                DecelerationBehind(region, speed_a, [](Corner p) {
+                                  return std::pair{p.b, p.a};
+                                }));
+  return std::isfinite(decel) && decel > 0.0 ? std::optional(decel) : std::nullopt;
+}
+
+std::optional<double> ModifiedTimeToCollision(double gap, double closing_speed, double closing_accel) {
+  if (gap <= 0.0) return 0.0;
+  const double root = closing_speed * closing_speed + 2.0 * closing_accel * gap;
+  if (root < 0.0) return std::nullopt;
+  // The form without cancellation: 2 gap / (v + sqrt(v^2 + 2 a gap)) is the smaller positive root.
+  const double denominator = closing_speed + std::sqrt(root);
+  return denominator > 0.0 ? std::optional(2.0 * gap / denominator) : std::nullopt;
+}
+
+}  // namespace lanewise
