@@ -81,8 +81,11 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
     throw ConfigError(fmt::format("--rules: unknown value '{}'; allowed: sumo", o->rules));
   config.end = o->end;
   if (!o->results.empty()) config.results = o->results;
-  if (!o->params_file.empty()) LoadParams(o->params_file, &config.params);
-  for (const std::string& assignment : o->assignments) SetParamFromText(assignment, &config.params);
+  RunParams params{config.params, config.safety};
+  if (!o->params_file.empty()) LoadParams(o->params_file, &params);
+  for (const std::string& assignment : o->assignments) SetParamFromText(assignment, &params);
+  config.params = params.agents;
+  config.safety = params.safety;
   if (!o->output_folder.empty()) {
     if (!std::filesystem::is_directory(o->output_folder))
       throw ConfigError(fmt::format("--sumo-outputs: {}: no such folder", o->output_folder));
@@ -141,7 +144,7 @@ int PrintParams(bool markdown) {
         "generated: `lanewise params --markdown`.\n\n"
         "| parameter | unit | default | range | meaning | source |\n|---|---|---|---|---|---|\n");
   }
-  for (const ParamDescription& p : DescribeParams(AgentParams{})) {
+  for (const ParamDescription& p : DescribeParams(RunParams{})) {
     if (markdown) {
       fmt::print("| `{}` | {} | {} | {} to {} | {} | {} |\n", p.name, p.unit, p.value, p.range.min,
                  p.range.max, p.meaning, p.source);

@@ -79,7 +79,8 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.threads = config.threads;
   info.sumo_options = fmt::format("{}", fmt::join(sumo_options, " "));
   nlohmann::ordered_json params, hashes;
-  for (const ParamDescription& p : DescribeParams(config.params)) params[p.name] = p.value;
+  for (const ParamDescription& p : DescribeParams(RunParams{config.params, config.safety}))
+    params[p.name] = p.value;
   for (const auto& file : InputFiles(config)) hashes[file.string()] = "xxh3:" + HashFile(file);
   info.parameters_json = params.dump();
   info.input_hashes_json = hashes.dump();

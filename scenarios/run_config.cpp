@@ -200,6 +200,12 @@ void Resolve(RunConfig* config) {
   check("--sample-period", config->sample_period, 0, 86400, "s");
   check("--edge-interval", config->edge_interval, 0, 86400, "s");
   check("--seed", static_cast<double>(config->seed), 0, 2147483647.0, "");
+  const SafetyParams& safety = config->safety;
+  if (safety.event_after > safety.separation_time) {
+    throw ConfigError(
+        fmt::format("parameter 'safety.event_after' is {} s; allowed: at most safety.separation_time, {} s",
+                    safety.event_after, safety.separation_time));
+  }
   if (config->end) check("--end", *config->end, config->step_length, 1e9, "s");
 }
 
@@ -257,7 +263,7 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
 namespace {
 
 void LoadTable(const toml::table& table, const std::string& prefix, const std::string& file,
-               AgentParams* params) {
+               RunParams* params) {
   for (const auto& [key, node] : table) {
     const std::string name = prefix.empty() ? std::string(key.str()) : prefix + "." + std::string(key.str());
     const std::string origin = fmt::format("{}, line {}", file, node.source().begin.line);
@@ -281,7 +287,7 @@ SafetyLevel ParseSafetyLevel(std::string_view name) {
       fmt::format("--safety: unknown value '{}'; allowed: {}", name, fmt::join(kSafetyLevelNames, ", ")));
 }
 
-void LoadParams(const fs::path& file, AgentParams* params) {
+void LoadParams(const fs::path& file, RunParams* params) {
   if (!fs::exists(file)) throw ConfigError(fmt::format("{}: no such file", file.string()));
   try {
     LoadTable(toml::parse_file(file.string()), "", file.string(), params);
@@ -291,7 +297,7 @@ void LoadParams(const fs::path& file, AgentParams* params) {
   }
 }
 
-void SetParamFromText(const std::string& assignment, AgentParams* params) {
+void SetParamFromText(const std::string& assignment, RunParams* params) {
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos) {
     throw ConfigError(fmt::format(

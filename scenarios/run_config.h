@@ -66,9 +66,21 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config);
 /// --safety. @throws ConfigError naming what is allowed.
 SafetyLevel ParseSafetyLevel(std::string_view name);
 
+/// All parameters a run has, as one table.
+struct RunParams {
+  AgentParams agents;
+  SafetyParams safety;
+
+  template <class Self, class Field>
+  static void Visit(Self& p, Field&& field) {
+    AgentParams::Visit(p.agents, field);
+    SafetyParams::Visit(p.safety, field);
+  }
+};
+
 /// Reads parameters from a TOML file: dotted keys or tables, e.g. `[dwa] clearance_weight = 1.5`.
-void LoadParams(const std::filesystem::path& file, AgentParams* params);
+void LoadParams(const std::filesystem::path& file, RunParams* params);
 /// One `--set name=value`.
-void SetParamFromText(const std::string& assignment, AgentParams* params);
+void SetParamFromText(const std::string& assignment, RunParams* params);
 
 }  // namespace lanewise
