@@ -83,3 +83,68 @@ LEFT JOIN (SELECT run_id, SUM(CASE WHEN policy <> 'sumo' THEN vehicles ELSE 0 EN
            FROM policy_share GROUP BY run_id) AS shares ON shares.run_id = run.run_id
 LEFT JOIN audit AS mid_block ON mid_block.run_id = run.run_id AND mid_block.cause = 'mid_block'
 ORDER BY run.run_id;
+
+-- Trips with the ids of their vehicles.
+CREATE VIEW v_trip (
+  run_id, scenario, run_policy, seed,
+  vehicle_id, type, vclass,
+  policy,                   -- Who drove this vehicle.
+  trip_end, depart_s, arrival_s, duration_s, depart_delay_s, route_length_m, waiting_time_s, waiting_count, stop_time_s,
+  time_loss_s, max_accel_mps2, max_decel_mps2, rms_jerk_mps3, max_lateral_accel_mps2, hard_braking_count, min_ttc_s,
+  max_drac_mps2, co2_mg, nox_mg, pmx_mg, fuel_mg, electricity_wh
+) AS
+SELECT t.run_id, run.scenario, run.policy, run.seed, v.vehicle_id, v.type, v.vclass, v.policy, t.trip_end, t.depart_s,
+       t.arrival_s, t.duration_s, t.depart_delay_s, t.route_length_m, t.waiting_time_s, t.waiting_count, t.stop_time_s,
+       t.time_loss_s, t.max_accel_mps2, t.max_decel_mps2, t.rms_jerk_mps3, t.max_lateral_accel_mps2,
+       t.hard_braking_count, t.min_ttc_s, t.max_drac_mps2, t.co2_mg, t.nox_mg, t.pmx_mg, t.fuel_mg, t.electricity_wh
+FROM trip AS t JOIN vehicle AS v USING (run_id, vehicle_number) JOIN run USING (run_id);
+
+-- Sampled states with ids. Name the run by a literal and the vehicle too, or SQLite reads the whole table.
+CREATE VIEW v_trajectory (
+  run_id, time_s, vehicle_id, vclass, policy, x_m, y_m,
+  heading_rad,              -- Counter-clockwise from east.
+  angle_deg,                -- SUMO's: clockwise from north.
+  speed_mps, accel_mps2, lane_id, lane_pos_m, lateral_offset_m
+) AS
+SELECT t.run_id, t.time_s, v.vehicle_id, v.vclass, v.policy, t.x_m, t.y_m, t.heading_rad,
+       (CASE WHEN t.heading_rad > 1.5707963267948966 THEN 450.0 ELSE 90.0 END) - 57.29577951308232 * t.heading_rad,
+       t.speed_mps, t.accel_mps2, l.lane_id, t.lane_pos_m, t.lateral_offset_m
+FROM trajectory AS t JOIN vehicle AS v USING (run_id, vehicle_number)
+LEFT JOIN lane AS l ON l.run_id = t.run_id AND l.lane = t.lane;
+
+-- Contacts with ids.
+CREATE VIEW v_collision (
+  run_id, scenario, policy, seed, begin_s, end_s, first_id, second_id,
+  striking_id,              -- NULL: both stood.
+  striking_agent, in_junction, lane_id, x_m, y_m, first_speed_mps, second_speed_mps, closing_speed_mps, max_depth_m
+) AS
+SELECT c.run_id, run.scenario, run.policy, run.seed, c.begin_s, c.end_s, a.vehicle_id, b.vehicle_id, s.vehicle_id,
+       c.striking_agent, c.in_junction, l.lane_id, c.x_m, c.y_m, c.first_speed_mps, c.second_speed_mps,
+       c.closing_speed_mps, c.max_depth_m
+FROM collision AS c JOIN run USING (run_id)
+JOIN vehicle AS a ON a.run_id = c.run_id AND a.vehicle_number = c.first_vehicle
+JOIN vehicle AS b ON b.run_id = c.run_id AND b.vehicle_number = c.second_vehicle
+LEFT JOIN vehicle AS s ON s.run_id = c.run_id AND s.vehicle_number = c.striking_vehicle
+LEFT JOIN lane AS l ON l.run_id = c.run_id AND l.lane = c.first_lane;
+
+-- Encounters with ids, seen by ego: who follows or comes second.
+CREATE VIEW v_encounter (
+  run_id, scenario, policy, seed, encounter, ego_id, foe_id, ego_policy, foe_policy, type, type_code, severity, begin_s,
+  end_s, critical_s, x_m, y_m, in_junction, min_ttc_s, max_drac_mps2, min_mttc_s, pet_s, min_distance_m,
+  max_closing_speed_mps, contact, near_miss
+) AS
+SELECT e.run_id, run.scenario, run.policy, run.seed, e.encounter, a.vehicle_id, b.vehicle_id, a.policy, b.policy, e.type,
+       e.type_code, e.severity, e.begin_s, e.end_s, e.critical_s, e.x_m, e.y_m, e.in_junction, e.min_ttc_s,
+       e.max_drac_mps2, e.min_mttc_s, e.pet_s, e.min_distance_m, e.max_closing_speed_mps, e.contact, e.near_miss
+FROM encounter AS e JOIN run USING (run_id)
+JOIN vehicle AS a ON a.run_id = e.run_id AND a.vehicle_number = e.ego_vehicle
+JOIN vehicle AS b ON b.run_id = e.run_id AND b.vehicle_number = e.foe_vehicle;
+
+-- Edges over intervals with ids; flow, density and speed by Edie's definitions.
+CREATE VIEW v_edge_interval (
+  run_id, scenario, policy, seed, begin_s, end_s, edge_id, lanes, length_m, in_junction, flow_veh_per_h,
+  density_veh_per_km, speed_mps, waiting_time_s, time_loss_s, entered, co2_mg
+) AS
+SELECT i.run_id, run.scenario, run.policy, run.seed, i.begin_s, i.end_s, e.edge_id, e.lanes, e.length_m, e.in_junction,
+       i.flow_veh_per_h, i.density_veh_per_km, i.speed_mps, i.waiting_time_s, i.time_loss_s, i.entered, i.co2_mg
+FROM edge_interval AS i JOIN run USING (run_id) JOIN edge AS e USING (run_id, edge);

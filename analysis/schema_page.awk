@@ -53,13 +53,18 @@ in_view && /^\) AS/ {
   print ""
 }
 
+# One or several column names a line; a comment is the meaning of all of its line.
 in_view {
   meaning = ""
+  names = $0
   at = index($0, "-- ")
-  if (at > 0) meaning = substr($0, at + 3)
-  name = $1
-  sub(/,$/, "", name)
-  print "| `" name "` | " meaning " |"
+  if (at > 0) {
+    meaning = substr($0, at + 3)
+    names = substr($0, 1, at - 1)
+  }
+  gsub(/ /, "", names)
+  count = split(names, name, ",")
+  for (k = 1; k <= count; ++k) if (name[k] != "") print "| `" name[k] "` | " meaning " |"
 }
 
 in_table && /^\)/ {

@@ -16,6 +16,7 @@
 #include "scenarios/city_bench.h"
 #include "scenarios/compare.h"
 #include "scenarios/doctor.h"
+#include "scenarios/export.h"
 #include "scenarios/run.h"
 #include "scenarios/ssm_bench.h"
 
@@ -243,6 +244,7 @@ int Main(int argc, char** argv) {
 
   std::function<int()> chosen;  // What the subcommands below do.
   AddCompareCommand(&app, &chosen);
+  AddExportCommand(&app, &chosen);
 
   try {
     app.parse(own);
