@@ -72,13 +72,16 @@ double DecelerationBehind(const ConflictRegion& region, double speed, Times&& ti
 
 }  // namespace
 
+bool AreApart(const MovingBox& a, const MovingBox& b) {
+  const double c = std::abs(Dot(a.u, b.u)), s = std::abs(a.u.x * b.u.y - a.u.y * b.u.x);
+  const Point2 d{b.center.x - a.center.x, b.center.y - a.center.y};
+  return (std::abs(Dot(a.u, d)) > a.half_length + c * b.half_length + s * b.half_width) |
+         (std::abs(Dot(Left(a.u), d)) > a.half_width + s * b.half_length + c * b.half_width) |
+         (std::abs(Dot(b.u, d)) > b.half_length + c * a.half_length + s * a.half_width) |
+         (std::abs(Dot(Left(b.u), d)) > b.half_width + s * a.half_length + c * a.half_width);
+}
+
 ConflictRegion FindConflictRegion(const MovingBox& a, const MovingBox& b, double a_max, double b_max) {
-  ConflictRegion region;
-  region.corner[0] = {0.0, 0.0};
-  region.corner[1] = {a_max, 0.0};
-  region.corner[2] = {a_max, b_max};
-  region.corner[3] = {0.0, b_max};
-  region.size = 4;
   const double c = std::abs(Dot(a.u, b.u)), s = std::abs(a.u.x * b.u.y - a.u.y * b.u.x);
   const Point2 axes[] = {a.u, Left(a.u), b.u, Left(b.u)};
   const double reach[] = {a.half_length + c * b.half_length + s * b.half_width,
@@ -86,10 +89,25 @@ ConflictRegion FindConflictRegion(const MovingBox& a, const MovingBox& b, double
                           b.half_length + c * a.half_length + s * a.half_width,
                           b.half_width + s * a.half_length + c * a.half_width};
   const Point2 d{b.center.x - a.center.x, b.center.y - a.center.y};
+  double ka[4], kb[4], now[4];
+  for (std::size_t k = 0; k < 4; ++k) {
+    ka[k] = -Dot(axes[k], a.velocity);
+    kb[k] = Dot(axes[k], b.velocity);
+    now[k] = Dot(axes[k], d);
+    // Most pairs stay on one side of some axis at all times.
+    const double least = now[k] + std::min(0.0, ka[k] * a_max) + std::min(0.0, kb[k] * b_max);
+    const double most = now[k] + std::max(0.0, ka[k] * a_max) + std::max(0.0, kb[k] * b_max);
+    if (least > reach[k] || most < -reach[k]) return {};
+  }
+  ConflictRegion region;
+  region.corner[0] = {0.0, 0.0};
+  region.corner[1] = {a_max, 0.0};
+  region.corner[2] = {a_max, b_max};
+  region.corner[3] = {0.0, b_max};
+  region.size = 4;
   for (std::size_t k = 0; k < 4 && !region.empty(); ++k) {
-    const double ka = -Dot(axes[k], a.velocity), kb = Dot(axes[k], b.velocity), now = Dot(axes[k], d);
-    Clip(ka, kb, reach[k] - now, &region);
-    Clip(-ka, -kb, reach[k] + now, &region);
+    Clip(ka[k], kb[k], reach[k] - now[k], &region);
+    Clip(-ka[k], -kb[k], reach[k] + now[k], &region);
   }
   return region;
 }

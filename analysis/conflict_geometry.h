@@ -16,6 +16,9 @@ struct MovingBox {
   double half_length{0.0}, half_width{0.0};  ///< [m]
 };
 
+/// Do the two, as they stand at time 0, not overlap?
+bool AreApart(const MovingBox& a, const MovingBox& b);
+
 /// Where two moving boxes would touch, if each were free in time: the set of pairs (a's time, b's time) [s]
 /// in [0, a_max] x [0, b_max] at which box a, as it stands at a's time, meets box b, as it stands at b's
 /// time. The separating axis test is linear in both times, so the set is a convex polygon: four strips and

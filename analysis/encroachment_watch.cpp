@@ -11,7 +11,7 @@
 namespace lanewise {
 namespace {
 
-constexpr std::size_t kMinParallelRows = 256;
+constexpr std::size_t kMinParallelRows = 2048;  // As in safety_monitor.cpp.
 constexpr double kLeastPath = 0.05;  // [m] who moved less in a block did not come anywhere.
 constexpr double kLargestJump =
     1.5;  // [m] beyond what the speed explains: put elsewhere by SUMO, not driven.
@@ -64,8 +64,15 @@ void EncroachmentWatch::AddStep(const TrafficFrame& frame) {
 }
 
 void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
-  while (!blocks_.empty() && blocks_.front().end < block_begin_ - threshold_) blocks_.pop_front();
-  Block& block = blocks_.emplace_back();
+  Block oldest;  // Its memory is used again.
+  while (!blocks_.empty() && blocks_.front().end < block_begin_ - threshold_) {
+    oldest = std::move(blocks_.front());
+    blocks_.pop_front();
+  }
+  oldest.trails.clear();
+  oldest.pieces.clear();
+  blocks_.push_back(std::move(oldest));
+  Block& block = blocks_.back();
   block.end = block_begin_ = frame.time;
   for (std::size_t i = 0; i < frame.size(); ++i) {
     const auto number = static_cast<std::size_t>(frame.vehicle_number[i]);
@@ -75,25 +82,31 @@ void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
     trail.number = frame.vehicle_number[i];
     trail.first_piece = static_cast<std::uint32_t>(block.pieces.size());
     trail.pieces = static_cast<std::uint32_t>(filling.pieces.size());
-    trail.min_x = trail.min_y = std::numeric_limits<double>::infinity();
-    trail.max_x = trail.max_y = -trail.min_x;
+    const Point2 u = filling.pieces.back().box.u;
+    double back = std::numeric_limits<double>::infinity(), front = -back, right = back, left = -back;
     for (const Piece& piece : filling.pieces) {
       block.pieces.push_back(piece);
       const MovingBox& box = piece.box;
-      const double rx = box.half_length * std::abs(box.u.x) + box.half_width * std::abs(box.u.y);
-      const double ry = box.half_length * std::abs(box.u.y) + box.half_width * std::abs(box.u.x);
+      const double c = std::abs(u.x * box.u.x + u.y * box.u.y), s = std::abs(u.x * box.u.y - u.y * box.u.x);
+      const double half_length = c * box.half_length + s * box.half_width;
+      const double half_width = s * box.half_length + c * box.half_width;
       for (const double t : {0.0, step_length_}) {
         const double x = box.center.x + t * box.velocity.x, y = box.center.y + t * box.velocity.y;
-        trail.min_x = std::min(trail.min_x, x - rx);
-        trail.max_x = std::max(trail.max_x, x + rx);
-        trail.min_y = std::min(trail.min_y, y - ry);
-        trail.max_y = std::max(trail.max_y, y + ry);
+        const double ahead = u.x * x + u.y * y, aside = u.x * y - u.y * x;
+        back = std::min(back, ahead - half_length);
+        front = std::max(front, ahead + half_length);
+        right = std::min(right, aside - half_width);
+        left = std::max(left, aside + half_width);
       }
       trail.path_length += step_length_ * std::hypot(box.velocity.x, box.velocity.y);
     }
-    trail.center_x = 0.5 * (trail.min_x + trail.max_x);
-    trail.center_y = 0.5 * (trail.min_y + trail.max_y);
-    trail.radius = 0.5 * std::hypot(trail.max_x - trail.min_x, trail.max_y - trail.min_y);
+    const double ahead = 0.5 * (back + front), aside = 0.5 * (right + left);
+    trail.sweep = {{u.x * ahead - u.y * aside, u.y * ahead + u.x * aside},
+                   {},
+                   u,
+                   0.5 * (front - back),
+                   0.5 * (left - right)};
+    trail.radius = std::hypot(trail.sweep.half_length, trail.sweep.half_width);
     trail.pedestrian = frame.pedestrian[i] != 0;
     trail.planned_stop = frame.planned_stop[i] != 0;
     trail.agent = frame.agent_driven[i] != 0;
@@ -112,8 +125,8 @@ void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
     for (std::size_t k = 0; k < blocks_[b].trails.size(); ++k) {
       const Trail& trail = blocks_[b].trails[k];
       grid_items_.emplace_back(static_cast<std::uint32_t>(b), static_cast<std::uint32_t>(k));
-      grid_x_.push_back(trail.center_x);
-      grid_y_.push_back(trail.center_y);
+      grid_x_.push_back(trail.sweep.center.x);
+      grid_y_.push_back(trail.sweep.center.y);
       max_radius_ = std::max(max_radius_, trail.radius);
     }
   }
@@ -142,12 +155,11 @@ void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
 
 void EncroachmentWatch::FindEncroachments(const Trail& later, std::vector<Encroachment>* found) const {
   if (later.path_length < kLeastPath) return;
-  grid_.ForEachNear(later.center_x, later.center_y, later.radius + max_radius_, [&](AgentIndex item) {
+  const Point2 here = later.sweep.center;
+  grid_.ForEachNear(here.x, here.y, later.radius + max_radius_, [&](AgentIndex item) {
     const auto [b, k] = grid_items_[static_cast<std::size_t>(item)];
     const Trail& earlier = blocks_[b].trails[k];
-    const bool apart = (earlier.max_x < later.min_x) | (earlier.min_x > later.max_x) |
-                       (earlier.max_y < later.min_y) | (earlier.min_y > later.max_y);
-    if (apart || earlier.number == later.number) return;
+    if (earlier.number == later.number || AreApart(earlier.sweep, later.sweep)) return;
     if ((earlier.pedestrian && later.pedestrian) || (earlier.planned_stop && later.planned_stop)) return;
     const LaneUser &a = earlier.lanes, &c = later.lanes;
     if (IsOnWayOf(c, a) || IsOnWayOf(a, c)) return;  // In line.

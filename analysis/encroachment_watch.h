@@ -52,9 +52,9 @@ class EncroachmentWatch {
   struct Trail {
     std::int32_t number;
     std::uint32_t first_piece, pieces;  // In Block::pieces: one a step.
-    double min_x, max_x, min_y, max_y;  // [m] of all that its box sweeps.
-    double center_x, center_y, radius;  // Circle around that, for the grid.
-    double path_length;                 // [m]
+    MovingBox sweep;     // Box around all that its own sweeps, along its last heading; at rest.
+    double radius;       // [m] of the circle around that, for the grid.
+    double path_length;  // [m]
     bool pedestrian, planned_stop, agent;
     double speed;
     LaneUser lanes;  // At the end of the block.

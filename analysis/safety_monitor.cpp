@@ -12,7 +12,7 @@
 namespace lanewise {
 namespace {
 
-constexpr std::size_t kMinParallelRows = 256;  // Below, forking a team costs more than it saves.
+constexpr std::size_t kMinParallelRows = 2048;  // Below, a busy machine loses more to waking a team than it saves.
 constexpr double kNoTtc = std::numeric_limits<double>::infinity();
 
 std::uint64_t PairKey(std::int32_t first, std::int32_t second) {

@@ -184,11 +184,17 @@ bool BenchSsm(const RunConfig& config, const std::string& differences_file) {
                                  match == nullptr ? "" : match->type);
     }
   }
+  if (theirs.empty()) {
+    fmt::print(
+        "{}: device.ssm saw no following with TTC < {} s within {:.0f} s: nothing to compare; let it run "
+        "longer\n",
+        config.scenario, threshold, report.outcome.simulated_time);
+    return false;
+  }
   const auto share = [&](std::size_t count) {
-    return theirs.empty() ? 0.0 : 100.0 * static_cast<double>(count) / static_cast<double>(theirs.size());
+    return 100.0 * static_cast<double>(count) / static_cast<double>(theirs.size());
   };
-  const bool ok_found = !theirs.empty() && share(found) >= 98.0,
-             ok_ttc = !theirs.empty() && share(agree) >= 98.0;
+  const bool ok_found = share(found) >= 98.0, ok_ttc = share(agree) >= 98.0;
   fmt::print("\n{} seed {}, native, {:.0f} s; following encounters with TTC < {} s\n\n", config.scenario,
              config.seed, report.outcome.simulated_time, threshold);
   fmt::print("{:<52} {:>8}\n", "seen by SUMO's device.ssm", theirs.size());

@@ -503,7 +503,7 @@ TrafficFrame Reversed(TrafficFrame frame) {
 }
 
 TEST(SafetyMonitor, DoesNotDependOnThreadsNorRowOrder) {
-  const std::vector<Mover> movers = Crowd(1500);
+  const std::vector<Mover> movers = Crowd(2500);
   const auto run = [&](int threads, bool reversed) {
     const int before = omp_get_max_threads();
     omp_set_num_threads(threads);
