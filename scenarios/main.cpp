@@ -17,6 +17,7 @@
 #include "scenarios/compare.h"
 #include "scenarios/doctor.h"
 #include "scenarios/export.h"
+#include "scenarios/report.h"
 #include "scenarios/run.h"
 #include "scenarios/ssm_bench.h"
 
@@ -245,6 +246,7 @@ int Main(int argc, char** argv) {
   std::function<int()> chosen;  // What the subcommands below do.
   AddCompareCommand(&app, &chosen);
   AddExportCommand(&app, &chosen);
+  AddReportCommand(&app, &chosen);
 
   try {
     app.parse(own);
