@@ -7,7 +7,15 @@
 namespace lanewise {
 
 /// What a random number is for: numbers of different purposes do not depend on each other.
-enum class RandomPurpose : std::uint64_t { kLidarRange = 1, kLidarDropout = 2, kArenaField = 3 };
+enum class RandomPurpose : std::uint64_t {
+  kLidarRange = 1,
+  kLidarDropout = 2,
+  kArenaField = 3,
+  kTrainingSplit = 16,
+  kInitialWeights = 17,
+  kRandomNodes = 18,
+  kTrainingOrder = 19
+};
 
 /// SplitMix64's finaliser (Steele, Lea, Flood 2014): 64 well-mixed bits of a counter.
 inline std::uint64_t MixBits(std::uint64_t z) {
