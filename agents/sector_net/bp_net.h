@@ -31,7 +31,8 @@ struct BpNet {
   }
   auto hidden_biases() const { return Eigen::Map<const Hidden>(parameters.data() + kHiddenBiases); }
   auto output_weights() const {
-    return Eigen::Map<const Eigen::Matrix<double, kNetOutputs, kHidden, Eigen::RowMajor>>(parameters.data() + kOutputWeights);
+    return Eigen::Map<const Eigen::Matrix<double, kNetOutputs, kHidden, Eigen::RowMajor>>(parameters.data() +
+                                                                                          kOutputWeights);
   }
   auto output_biases() const { return Eigen::Map<const Outputs>(parameters.data() + kOutputBiases); }
 
@@ -45,8 +46,7 @@ struct BpNet {
   /// Eqs. (1)-(2): each unit's weighted sum through its activation, layer by layer.
   void Forward(const SectorInputs& sectors, Layers* layers) const noexcept {
     layers->inputs = (Eigen::Map<const Inputs>(sectors.data()) - scale.min) * scale.gain() - 1.0;
-    Hidden sum = hidden_biases();
-    for (int i = 0; i < kNetInputs; ++i) sum += hidden_weights().col(i).array() * layers->inputs[i];
+    const Hidden sum = hidden_weights().lazyProduct(layers->inputs.matrix()).array() + hidden_biases();
     layers->hidden = Tansig(sum);
     // Four wide, so that it fills vector registers.
     Eigen::Array4d output = Eigen::Array4d::Zero();

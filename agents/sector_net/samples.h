@@ -17,15 +17,16 @@ struct LabelledScan {
   double weight{1.0};  ///< Number of equal samples this one stands for; > 0.
 };
 
-// Sample files are CSV. Lines that begin with # are comments. The first other line names the columns:
+// clang-format off
+// Sample files are CSV. Lines that begin with # are comments. The first other line names the columns, in any
+// order, and no others:
 //
 //   column                          unit  meaning
-//   sector_0_free .. sector_7_free  [-]   1 = free, 0 = obstacle (Eq. 8 of [A]), in [0, 1]; 0 is the left
-//   sector left, forward, right            [-]   the way taken: a unit vector, one 1 and two 0 time_s [s]
-//   optional, not used in training: when vehicle                         -     optional, not used in
-//   training: who
-//
-// in any order, and no others.
+//   sector_0_free .. sector_7_free  [-]   1 = free, 0 = obstacle (Eq. 8 of [A]), in [0, 1]; 0 is the left one
+//   left, forward, right            [-]   the way taken: a unit vector, one 1 and two 0
+//   time_s                          [s]   when; optional, not used in training
+//   vehicle                         -     who; optional, not used in training
+// clang-format on
 
 /// Reads a sample file. @throws ConfigError naming file, line and column, what was found and what is allowed:
 /// wrong or missing columns, a value that is no number or out of range, a label that is no unit vector, no
