@@ -20,6 +20,7 @@
 #include "scenarios/report.h"
 #include "scenarios/run.h"
 #include "scenarios/ssm_bench.h"
+#include "scenarios/train.h"
 
 namespace lanewise {
 namespace {
@@ -247,6 +248,7 @@ int Main(int argc, char** argv) {
   AddCompareCommand(&app, &chosen);
   AddExportCommand(&app, &chosen);
   AddReportCommand(&app, &chosen);
+  AddTrainCommand(&app, &chosen);
 
   try {
     app.parse(own);

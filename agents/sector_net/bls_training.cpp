@@ -12,6 +12,21 @@ namespace lanewise {
 namespace {
 
 constexpr double kNoCutOff = 10.0;
+/// Standard deviation of a feature node's bias; its sum of inputs has 1.
+constexpr double kFeatureBias = 2.0;
+
+using SectorMatrix = Eigen::Matrix<double, kNetInputs, kNetInputs>;
+
+/// L with L L^T the correlation exp(-(i - j)^2 / (2 reach^2)) between the weights of sectors i and j.
+SectorMatrix SmoothingFactor(double reach) {
+  SectorMatrix correlation = SectorMatrix::Identity();
+  for (int i = 0; reach > 0.0 && i < kNetInputs; ++i) {
+    for (int j = 0; j < kNetInputs; ++j)
+      correlation(i, j) = std::exp(-0.5 * (i - j) * (i - j) / (reach * reach));
+  }
+  correlation.diagonal().array() += 1e-6;  // Positive definite in spite of rounding.
+  return correlation.llt().matrixL();
+}
 
 /// L L^T becomes L L^T + x x^T (Golub, Van Loan sec. 6.5.4).
 void RankOneUpdate(Eigen::VectorXd x, Eigen::MatrixXd* factor) {
@@ -70,10 +85,13 @@ BlsTrainer::BlsTrainer(std::span<const LabelledScan> samples, const BlsOptions& 
   CheckOption("enhancement nodes", options.enhancements, 0, BlsNet::kMaxNodes);
   CheckOption("ridge", options.ridge, 1e-12, 1e6);
   CheckOption("enhancement scale", options.enhancement_scale, 1e-6, 100.0);
+  CheckOption("feature reach", options.feature_reach, 0.0, 100.0);
   DrawFeatures();
   DrawEnhancements(0, options.enhancements);
   const Eigen::MatrixXd a = DesignMatrix(net_, samples_);
-  factor_ = (a.transpose() * a + Ridge(a.cols(), options_.ridge)).llt().matrixL();
+  Eigen::MatrixXd normal = Ridge(a.cols(), options_.ridge);
+  normal.selfadjointView<Eigen::Lower>().rankUpdate(a.transpose());
+  factor_ = normal.llt().matrixL();
   right_ = a.transpose() * TargetMatrix(samples_);
   Solve();
 }
@@ -82,12 +100,15 @@ void BlsTrainer::DrawFeatures() {
   const int nodes = options_.feature_groups * options_.features_per_group;
   net_.feature_weights.resize(nodes, kNetInputs);
   net_.feature_biases.resize(nodes);
+  const SectorMatrix smooth = SmoothingFactor(options_.feature_reach);
   for (int node = 0; node < nodes; ++node) {
     const RandomStream random(seed_, static_cast<std::uint64_t>(node), RandomPurpose::kRandomNodes, 0);
+    Eigen::Matrix<double, kNetInputs, 1> draw;
+    for (int i = 0; i < kNetInputs; ++i) draw[i] = random.Normal(static_cast<std::uint64_t>(i), kNoCutOff);
     // Inputs are +-1: the sum has variance 1.
-    for (int i = 0; i < kNetInputs; ++i)
-      net_.feature_weights(node, i) = random.Normal(static_cast<std::uint64_t>(i), kNoCutOff) / 3.0;
-    net_.feature_biases[node] = random.Normal(kNetInputs, kNoCutOff) / 3.0;
+    if (node >= FirstSmoothFeature()) draw = smooth * draw;
+    net_.feature_weights.row(node) = draw.transpose() / std::sqrt(kNetInputs);
+    net_.feature_biases[node] = kFeatureBias * random.Normal(kNetInputs, kNoCutOff);
   }
 }
 
@@ -97,9 +118,12 @@ void BlsTrainer::DrawEnhancements(int first, int count) {
   net_.enhancement_biases.conservativeResize(first + count);
   for (int node = first; node < first + count; ++node) {
     const RandomStream random(seed_, static_cast<std::uint64_t>(node), RandomPurpose::kRandomNodes, 1);
-    const double scale = options_.enhancement_scale / std::sqrt(features + 1.0);
-    for (int j = 0; j < features; ++j)
-      net_.enhancement_weights(node, j) = scale * random.Normal(static_cast<std::uint64_t>(j), kNoCutOff);
+    Eigen::RowVectorXd weights = Eigen::RowVectorXd::Zero(features);
+    for (int j = FirstSmoothFeature(); j < features; ++j)
+      weights[j] = random.Normal(static_cast<std::uint64_t>(j), kNoCutOff);
+    // Inputs are +-1: the sum over them then has the standard deviation that is asked for.
+    const double scale = options_.enhancement_scale / (weights * net_.feature_weights).norm();
+    net_.enhancement_weights.row(node) = scale * weights;
     net_.enhancement_biases[node] = scale * random.Normal(static_cast<std::uint64_t>(features), kNoCutOff);
   }
 }

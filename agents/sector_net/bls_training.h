@@ -13,8 +13,12 @@ struct BlsOptions {
   int feature_groups{6};          ///< Groups of feature nodes; >= 1.
   int features_per_group{4};      ///< >= 1; groups x nodes at most BlsNet::kMaxNodes.
   int enhancements{60};           ///< >= 0, at most BlsNet::kMaxNodes.
-  double ridge{1e-3};             ///< [-] lambda of the ridge regression; > 0.
-  double enhancement_scale{0.5};  ///< [-] standard deviation of the enhancement nodes' sums; > 0.
+  double ridge{0.1};              ///< [-] lambda of the ridge regression; > 0.
+  double enhancement_scale{0.4};  ///< [-] standard deviation of the enhancement nodes' sums; > 0.
+  /// [sectors] over which the weights of the smooth feature nodes are correlated; 0 = independent. The first
+  /// half of the groups weighs each sector by itself, the other half neighbours alike, as a side is seen by
+  /// neighbours together; enhancement nodes are maps of the smooth half.
+  double feature_reach{2.0};
 };
 
 /// Trains a broad learning system and lets it grow without training anew. The output weights C solve
@@ -39,6 +43,8 @@ class BlsTrainer {
   const BlsOptions& options() const { return options_; }
 
  private:
+  /// Features from here on are smooth.
+  int FirstSmoothFeature() const { return options_.feature_groups / 2 * options_.features_per_group; }
   void DrawFeatures();
   void DrawEnhancements(int first, int count);
   void Solve();

@@ -98,7 +98,6 @@ TEST(BpTraining, GradientDescentReachesThePapersGoal) {
   ASSERT_EQ(CountSeen(split), 0u);
   BpNet net = RandomBpNet(1);
   BpTrainingOptions options;
-  options.learning_rate = 0.5;  // Five times the default: the same path in a fifth of the time.
   const BpTraining training = TrainByGradientDescent(split.training, options, 1, nullptr, &net);
   EXPECT_TRUE(training.reached);
   EXPECT_LE(MeanSquaredError(net, split.training), 0.001);
