@@ -39,6 +39,7 @@ struct LaneChangeParams {
   double safe_decel{3.0};
   double min_gap{1.0};
   double cooperation_decel{2.0};
+  double queue_weight{0.02};
 };
 
 struct ControlParams {
@@ -145,6 +146,9 @@ struct AgentParams {
           "least gap to the new leader and the new follower", "own choice");
     field("lane_change.cooperation_decel", p.lane_change.cooperation_decel, "m/s^2", Range{0, 9},
           "braking one accepts to let a vehicle in that must change", "own choice");
+    field("lane_change.queue_weight", p.lane_change.queue_weight, "m/s^3", Range{0, 1},
+          "advantage a second less of queueing ahead gives a lane in an unforced change",
+          "fitted on Bologna (joined, Via Saffi)");
     field("control.speed_kp", p.control.speed_kp, "1/s", Range{0.1, 10}, "PID speed: proportional",
           "[C] PID");
     field("control.speed_ki", p.control.speed_ki, "1/s^2", Range{0, 10}, "PID speed: integral", "[C] PID");

@@ -23,6 +23,9 @@ constexpr double kQueueGap = 0.6;
 /// [m/s] below which steering does not move the vehicle sideways.
 constexpr double kSteersFrom = 0.5;
 
+/// A turn that begins and ends straight bends this much more in its middle than over a car's length.
+constexpr double kPeakOverMean = 1.4;
+
 /// Speed [m/s] the ego wants without other traffic: limits, bends and speed limits ahead.
 double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving, const WayAhead& way) {
   const Traffic& traffic = *world.traffic;
@@ -35,7 +38,7 @@ double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving,
   const double turn = std::abs(std::sin(SlipAngle(traffic.now.steering_angle[i], vehicle.wheelbase,
                                                   vehicle.rear_axle_to_front))) /
                       vehicle.rear_axle_to_front;
-  wanted = std::min(wanted, std::sqrt(driving.max_lateral_accel / std::max(turn, 1e-6)));
+  wanted = std::min(wanted, std::sqrt(kPeakOverMean * driving.max_lateral_accel / std::max(turn, 1e-6)));
   for (int k = 0; k < way.count; ++k) {
     const LaneCurve& curve = (*world.curves)[way.lanes[k].lane];
     const double distance = way.lanes[k].start - preview;
@@ -230,6 +233,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   commands->emergency[i] = next_speed < speed - vehicle.max_decel * dt - 1e-9;
   commands->passed_on_lane[i] = PassedHazard(world, i, progress / curve.scale());
   commands->change_lane[i] = tactics.lane_change;
+  commands->change_shift[i] = tactics.change_shift;
 }
 
 }  // namespace lanewise

@@ -52,7 +52,7 @@ void Traffic::RemoveRow(std::size_t row) {
 }
 
 void Commands::Resize(std::size_t n) {
-  ResizeAll(n, lane_speed, change_lane, emergency, passed_on_lane);
+  ResizeAll(n, lane_speed, change_lane, change_shift, emergency, passed_on_lane);
 }
 
 std::size_t AgentStateBytes() {

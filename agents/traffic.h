@@ -72,6 +72,7 @@ struct Commands {
   std::vector<double> lane_speed;  ///< [m/s] progress along SUMO's lane.
   std::vector<std::int8_t>
       change_lane;                      ///< Joins the neighbour lane in this step, its body later: +1, -1, 0.
+  std::vector<double> change_shift;     ///< [m] position on the new lane minus that on the old one.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
   std::vector<std::uint8_t>
       passed_on_lane;  ///< The front has just passed a standing vehicle of the same lane.

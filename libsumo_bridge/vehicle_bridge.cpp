@@ -358,7 +358,7 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
   }
   const LaneIndex left_lane = now.lane[row];
   if (coupled.change_commanded != 0 && lane == network_.Neighbor(left_lane, coupled.change_commanded)) {
-    const PathPoint from = curves_[left_lane].At(s);
+    const PathPoint from = curves_[left_lane].At(s - coupled.change_shift);
     const PathPoint to = curves_[lane].At(s);
     const double x = from.x - now.d[row] * std::sin(from.heading),
                  y = from.y + now.d[row] * std::cos(from.heading);
@@ -397,13 +397,15 @@ double VehicleBridge::DistanceToDeadEnd(std::size_t row, const Traffic& traffic)
   return kFar;
 }
 
-void VehicleBridge::Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic) {
+void VehicleBridge::Expect(std::size_t row, double speed, int change, double shift, double dt,
+                           const Traffic& traffic) {
   Coupled& coupled = coupled_[row];
   coupled.commanded = true;
   coupled.commanded_speed = speed;
   coupled.change_commanded = static_cast<std::int8_t>(change);
+  coupled.change_shift = shift;
   LaneIndex lane = traffic.now.lane[row];
-  double s = traffic.now.s[row] + speed * dt;
+  double s = traffic.now.s[row] + shift + speed * dt;
   std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
   const LaneIndex start = lane;
   while (s > network_.lanes[lane].length) {
@@ -541,8 +543,15 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
       SumoVehicle::moveTo(id, network_.lanes[traffic->now.lane[row]].id, traffic->now.s[row]);
     }
     const int change = commands.change_lane[row];
-    if (change != 0) SumoVehicle::changeLane(id, network_.lanes[traffic->now.lane[row]].index + change, 0.0);
-    Expect(row, commands.lane_speed[row], change, dt, *traffic);
+    const double shift = commands.change_shift[row];
+    const LaneIndex joined = change == 0 ? kNone : network_.Neighbor(traffic->now.lane[row], change);
+    if (joined != kNone && shift != 0.0) {
+      // changeLane keeps the position: where lanes begin at different places the vehicle would jump.
+      SumoVehicle::moveTo(id, network_.lanes[joined].id, traffic->now.s[row] + shift);
+    } else if (joined != kNone) {
+      SumoVehicle::changeLane(id, network_.lanes[joined].index, 0.0);
+    }
+    Expect(row, commands.lane_speed[row], change, shift, dt, *traffic);
   }
 }
 

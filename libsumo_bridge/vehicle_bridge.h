@@ -94,6 +94,7 @@ class VehicleBridge {
     bool route_changed{false};  // Since the last command.
     bool halted_at_lane_end{false};
     std::int8_t change_commanded{0};
+    double change_shift{0.0};        // [m] see Commands.
     LaneIndex expected_lane{kNone};  // Where the command should lead.
     double expected_s{0.0};          // [m]
     double commanded_speed{0.0};     // [m/s]
@@ -112,7 +113,7 @@ class VehicleBridge {
   void Replan(std::size_t row, Traffic* traffic);
   void UpdateStops(std::size_t row, Traffic* traffic);
   void Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic);
-  void Expect(std::size_t row, double speed, int change, double dt, const Traffic& traffic);
+  void Expect(std::size_t row, double speed, int change, double shift, double dt, const Traffic& traffic);
   void SetChecks(std::size_t row, bool on);
   /// [m] to the end of the first lane on the way that does not lead along the route; huge if none is near.
   double DistanceToDeadEnd(std::size_t row, const Traffic& traffic) const;

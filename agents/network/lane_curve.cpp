@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <span>
 
 #include "agents/core/check.h"
@@ -20,6 +21,8 @@ constexpr double kMaxJointCurvature = 0.2;  // [1/m] beyond is digitising noise.
 constexpr double kMaxSpeedCap = 100.0;      // [m/s]
 constexpr double kMinSegment = 1e-3;        // [m] vertices nearer than this are one.
 constexpr double kKnotSpacing = 1.0;        // [m] between the knots of a finished curve.
+constexpr double kSoleTurnRadius = 7.0;     // [m] a car's front bumper can follow 6.
+constexpr double kLeastTurn = 0.5, kGreatestTurn = 2.4;  // [rad] turns that are rounded.
 
 Point2 operator+(Point2 a, Point2 b) {
   return {a.x + b.x, a.y + b.y};
@@ -107,6 +110,86 @@ class Polyline {
   std::vector<double> stations_;
 };
 
+// ── Turns
+// ──────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+/// A turn through a junction, from the end of one lane to the start of another, as an arc that touches the
+/// straight parts before and behind it.
+struct RoundedTurn {
+  Point2 center;
+  double radius;                  // [m] signed: left positive.
+  double begin;                   // [rad] heading where the arc begins.
+  double angle;                   // [rad] signed.
+  double before, inside, behind;  // Shares of the arc on the three lanes.
+
+  Point2 At(double share) const {
+    const Point2 direction = Direction(begin + share * angle);
+    return {center.x + radius * direction.y, center.y - radius * direction.x};
+  }
+};
+
+/// Where the way from `from` to `to` turns more tightly than vehicles can, the arc they can follow.
+/// @param inside_length [m] of the internal lane between them.
+std::optional<RoundedTurn> RoundTurn(const Polyline& from, const Polyline& to, double inside_length) {
+  if (from.vertices().size() < 2 || to.vertices().size() < 2) return std::nullopt;
+  const double begin = from.HeadingAt(from.length());
+  const double angle = std::remainder(to.HeadingAt(0.0) - begin, 2.0 * std::numbers::pi);
+  if (std::abs(angle) < kLeastTurn || std::abs(angle) > kGreatestTurn) return std::nullopt;
+  const Point2 in = Direction(begin), out = Direction(begin + angle);
+  const Point2 chord = to.vertices().front() - from.vertices().back();
+  // Both straights meet at the corner: so far [m] behind the one's end and before the other's start.
+  const double to_corner = Cross(chord, out) / Cross(in, out),
+               from_corner = Cross(in, chord) / Cross(in, out);
+  const double half_tangent = std::tan(0.5 * std::abs(angle));
+  const double room = std::min(to_corner + 0.8 * from.SegmentLengthAt(from.length()),
+                               from_corner + 0.8 * to.SegmentLengthAt(0.0));
+  const double radius = std::min(kSoleTurnRadius, room / half_tangent);
+  const double tangent = radius * half_tangent;
+  const double before = tangent - to_corner, behind = tangent - from_corner;
+  if (before <= 0.0 || behind <= 0.0) return std::nullopt;  // There is room inside the junction.
+  const double whole = before + inside_length + behind;
+  const double side = angle > 0.0 ? 1.0 : -1.0;
+  const Point2 start = from.vertices().back() + (-before) * in;
+  const Point2 center = start + side * radius * Point2{-in.y, in.x};
+  return RoundedTurn{center,         side * radius,         begin,         angle,
+                     before / whole, inside_length / whole, behind / whole};
+}
+
+/// Rounds the turns of junctions that only one way leads through, as at the ends of a carriageway whose
+/// directions were digitised apart: there SUMO's internal lane is a corner of 1 to 3 m, and a vehicle that
+/// turned only there would swing into the lane beside it. Elsewhere the lanes before and behind are shared
+/// with other ways and stay as they are.
+void RoundSoleTurns(const RoadNetwork& network, std::vector<Polyline>* polylines) {
+  std::vector<int> ways_out(network.lanes.size()), ways_in(network.lanes.size());
+  for (const Connection& connection : network.connections) {
+    if (network.lanes[connection.from].internal) continue;
+    ++ways_out[connection.from];
+    ++ways_in[connection.to];
+  }
+  constexpr int kPieces = 4;  // Segments of each lane's part of the arc.
+  for (const Connection& connection : network.connections) {
+    const LaneIndex via = connection.via;
+    if (via == kNone || network.lanes[connection.from].internal || ways_out[connection.from] != 1 ||
+        ways_in[connection.to] != 1) {
+      continue;
+    }
+    Polyline &from = (*polylines)[connection.from], &to = (*polylines)[connection.to];
+    const std::optional<RoundedTurn> turn = RoundTurn(from, to, network.lanes[via].length);
+    if (!turn) continue;
+    const auto append_arc = [&](double begin, double share, Polyline* line) {
+      for (int k = 0; k <= kPieces; ++k) line->Append(turn->At(begin + share * k / kPieces));
+    };
+    Polyline before(from.vertices().first(from.vertices().size() - 1)), inside({}), behind({});
+    append_arc(0.0, turn->before, &before);
+    append_arc(turn->before, turn->inside, &inside);
+    append_arc(turn->before + turn->inside, turn->behind, &behind);
+    for (const Point2& vertex : to.vertices().subspan(1)) behind.Append(vertex);
+    from = std::move(before);
+    to = std::move(behind);
+    (*polylines)[via] = std::move(inside);
+  }
+}
+
 // ── Joints
 // ──────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -123,6 +206,7 @@ class JointTable {
   explicit JointTable(const RoadNetwork& network)
       : network_(network), parent_(2 * network.lanes.size()), joints_(parent_.size()) {
     for (const Lane& lane : network.lanes) polylines_.emplace_back(lane.shape);
+    RoundSoleTurns(network, &polylines_);
     std::iota(parent_.begin(), parent_.end(), 0);
     for (const Connection& connection : network.connections) {
       const LaneIndex successor = connection.via != kNone ? connection.via : connection.to;
@@ -587,6 +671,18 @@ double LaneCurve::SpeedCap(double s) const noexcept {
   const double u = std::min(position - static_cast<double>(k), 1.0);
   const double a = speed_cap_[k], b = speed_cap_[k + 1];
   return std::sqrt((1.0 - u) * a * a + u * b * b);  // Constant braking between knots.
+}
+
+double Abeam(const LaneCurve& from, double s, const LaneCurve& to) noexcept {
+  const PathPoint here = from.At(s);
+  double there = s;
+  for (int k = 0; k < 3; ++k) {  // Newton's method; lanes side by side are nearly parallel.
+    const PathPoint point = to.At(there);
+    const double ahead =
+        (here.x - point.x) * std::cos(point.heading) + (here.y - point.y) * std::sin(point.heading);
+    there += ahead / std::max(to.scale(), 0.1);
+  }
+  return there;
 }
 
 std::vector<LaneCurve> FitLaneCurves(const RoadNetwork& network, const CurveFitParams& params) {

@@ -40,6 +40,10 @@ class LaneCurve {
   std::vector<double> speed_cap_;  // At the knots.
 };
 
+/// Position on `to` abeam of position `s` on `from`, both as SUMO counts [m]: lanes of an edge may begin at
+/// different places, or be stretched differently. May lie outside `to`.
+double Abeam(const LaneCurve& from, double s, const LaneCurve& to) noexcept;
+
 struct CurveFitParams {
   double knot_spacing{2.0};  ///< [m] between spline control points.
   double smoothness{3.0};    ///< [m] length over which kinks are rounded; its sixth power weighs the squared

@@ -113,6 +113,7 @@ class NetFileReader {
       throw ConfigError(fmt::format("{}: not a SUMO net file: the root element is <{}>, expected <net>",
                                     file_, root.name()));
     }
+    network_.left_hand = root.attribute("lefthand").as_bool();
     for (const pugi::xml_node edge : root.children("edge")) ReadEdge(edge);
     for (const pugi::xml_node junction : root.children("junction")) ReadJunction(junction);
     for (const pugi::xml_node edge : root.children("edge")) ResolveEnds(edge);

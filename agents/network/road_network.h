@@ -83,6 +83,7 @@ struct RoadNetwork {
   std::vector<Connection> connections;
   std::vector<Junction> junctions;
   std::vector<std::string> signal_ids;
+  bool left_hand{false};  ///< Traffic keeps to the left.
   std::unordered_map<std::string, LaneIndex> lane_by_id;
   std::unordered_map<std::string, EdgeIndex> edge_by_id;
 

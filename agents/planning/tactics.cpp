@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "agents/planning/car_following.h"
 
@@ -15,6 +16,8 @@ constexpr double kHazardLookahead = 100.0;
 /// [m/s], [m] in a queue: slower is crawling; the room that is enough beside a vehicle that crawls.
 constexpr double kCrawlSpeed = 1.0;
 constexpr double kStandingGap = 0.2;
+/// Share of the wanted speed below which a vehicle counts as queued.
+constexpr double kQueueSpeed = 0.7;
 /// [m] before its lane's end a vehicle is let in; further back it has time to find a gap itself.
 constexpr double kLetInZone = 150.0;
 /// [m] of use left in its lane with which a vehicle changes even just before a junction, or in it.
@@ -25,6 +28,15 @@ constexpr double kLetInReach = 50.0;
 constexpr double kTurnOutRoom = 5.0;
 /// [m] of its body a vehicle may have on the neighbour lane and still begin another change.
 constexpr double kBodyOver = 0.5;
+/// [m] by which positions on neighbour lanes may differ and still count as the same.
+constexpr double kEven = 0.05;
+/// [m] of length from which a vehicle does not keep to its lane in turns, and [rad] of those turns.
+constexpr double kLongBody = 9.0;
+constexpr double kLeastTurn = 0.25;
+/// Of rear axle to front: how much wider it turns a radian, and how far ahead it aims where it turns early.
+constexpr double kWidening = 0.4, kAimAhead = 1.1;
+/// [m] by which it turns wider, and cuts in, at most.
+constexpr double kMaxWidening = 2.0, kMaxCut = 5.0;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -61,19 +73,18 @@ double SoftCap(const Ego& ego, double wanted, double decel) {
   return std::max(wanted, ego.speed - decel * ego.params.driving.response_time);
 }
 
-/// [m] by which the same position on the neighbour lane lies ahead in the world: lanes of an edge may begin
-/// at different places, and SUMO keeps the position in a lane change.
-double Shift(const Ego& ego, LaneIndex lane, LaneIndex neighbor) {
-  const PathPoint here = (*ego.world.curves)[lane].At(ego.s), there = (*ego.world.curves)[neighbor].At(ego.s);
-  return (there.x - here.x) * std::cos(here.heading) + (there.y - here.y) * std::sin(here.heading);
+/// The ego's position on the neighbour lane, as SUMO counts [m].
+double PositionOn(const Ego& ego, LaneIndex neighbor) {
+  const std::vector<LaneCurve>& curves = *ego.world.curves;
+  const double there = Abeam(curves[ego.now().lane[ego.row]], ego.s, curves[neighbor]);
+  return std::abs(there - ego.s) < kEven ? ego.s : there;
 }
 
 LaneIndex UsableNeighbor(const Ego& ego, int side) {
-  constexpr double kMaxShift = 1.0;  // [m]
-  const LaneIndex lane = ego.now().lane[ego.row];
-  const LaneIndex neighbor = ego.world.network->Neighbor(lane, side);
+  const LaneIndex neighbor = ego.world.network->Neighbor(ego.now().lane[ego.row], side);
   if (neighbor == kNone || !ego.Advice(side).allowed) return kNone;
-  return std::abs(Shift(ego, lane, neighbor)) < kMaxShift ? neighbor : kNone;
+  const double there = PositionOn(ego, neighbor);
+  return there >= 0.0 && there <= ego.world.network->lanes[neighbor].length ? neighbor : kNone;
 }
 
 /// Do the ego's lane and its neighbour cross the junction side by side?
@@ -145,19 +156,64 @@ double Advantage(const Ego& ego, const Leader& leader, const Leader& ahead, cons
          ego.params.lane_change.politeness * follower_loss;
 }
 
+/// Does the vehicle's way part from the ego's within `kJunctions` junctions behind the ego's route position?
+bool WaysPart(const Ego& ego, std::size_t position, AgentIndex other) {
+  constexpr std::size_t kJunctions = 3;
+  const Traffic& traffic = *ego.world.traffic;
+  if (traffic.plan[other] == nullptr) return false;
+  const auto mine = ego.plan.route(), its = traffic.plan[other]->route();
+  const auto at = static_cast<std::size_t>(traffic.route_position[other]);
+  for (std::size_t n = 1; n <= kJunctions && position + n < mine.size() && at + n < its.size(); ++n)
+    if (its[at + n] != mine[position + n]) return true;
+  return false;
+}
+
+/// [s] until the slow vehicles ahead on the way that begins with a lane of the ego's edge have gone. Who
+/// takes another way than the ego, which its turn signal tells, may have to wait when the ego could go.
+double QueueTime(const Ego& ego, LaneIndex lane, double s) {
+  constexpr double kSight = 300.0, kHeadway = 2.0, kBlocked = 15.0;  // [m], [s], [s].
+  const Traffic& traffic = *ego.world.traffic;
+  const WayAhead ahead = LookAheadFrom(ego.world, ego.row, lane, s, kSight);
+  std::size_t position = ego.position;
+  int queue = 0;
+  bool blocked = false;
+  for (int k = 0; k < ahead.count; ++k) {
+    const LaneIndex here = ahead.lanes[k].lane;
+    if (ego.world.network->lanes[here].internal) continue;
+    if (k > 0) ++position;
+    for (const Occupant& other : ego.world.occupancy->On(here)) {
+      if (other.row == ego.row || (k == 0 && other.s <= s) || traffic.now.lane[other.row] != here ||
+          traffic.now.speed[other.row] > kQueueSpeed * ego.speed_limit) {
+        continue;
+      }
+      ++queue;
+      blocked = blocked || WaysPart(ego, position, other.row);
+    }
+  }
+  return kHeadway * queue + (blocked ? kBlocked : 0.0);
+}
+
 struct Neighborhood {
   Leader ahead, behind;
 };
 
 Neighborhood LookBeside(const Ego& ego, LaneIndex neighbor) {
   const double lookahead = std::max(40.0, 6.0 * ego.speed), lookback = std::max(40.0, 5.0 * ego.speed_limit);
-  return {FindLeaderOnLane(ego.world, ego.row, neighbor, ego.s, lookahead),
-          FindFollowerOnLane(ego.world, ego.row, neighbor, ego.s, lookback)};
+  const double s = PositionOn(ego, neighbor);
+  return {FindLeaderOnLane(ego.world, ego.row, neighbor, s, lookahead),
+          FindFollowerOnLane(ego.world, ego.row, neighbor, s, lookback)};
 }
 
 /// Lateral distance between the present lane's centre and its neighbour's.
 double Spacing(const Ego& ego, LaneIndex neighbor) {
   return 0.5 * (ego.lane.width + ego.world.network->lanes[neighbor].width);
+}
+
+/// Joins the neighbour lane now.
+void Join(const Ego& ego, LaneIndex neighbor, int side, Tactics* tactics) {
+  tactics->lane_change = tactics->blinker = static_cast<std::int8_t>(side);
+  tactics->target_d = side * Spacing(ego, neighbor);
+  tactics->change_shift = PositionOn(ego, neighbor) - ego.s;
 }
 
 /// The lateral position that passes a standing vehicle within the lane, if there is room; else `fallback`.
@@ -172,6 +228,34 @@ bool PassWithinLane(const Ego& ego, const Leader& hazard, double* target_d) {
   if (!left_fits && !right_fits) return false;
   *target_d = left_fits && (!right_fits || std::abs(left - ego.d) <= std::abs(right - ego.d)) ? left : right;
   return true;
+}
+
+/// The point of the way `distance` [m] ahead of the ego.
+PathPoint PointAhead(const Ego& ego, const WayAhead& way, double distance) {
+  int k = way.count - 1;
+  while (k > 0 && way.lanes[k].start > distance) --k;
+  return (*ego.world.curves)[way.lanes[k].lane].At(distance - way.lanes[k].start);
+}
+
+/// [m] lateral position a long vehicle aims at in a turn and just before it: on the lane's centre its rear
+/// would cut the corner, where others wait, or its front, which turns no tighter than its steering allows,
+/// would swing over the middle of the road. The kerb's side is free. A turn away from the kerb is driven
+/// wider; one towards it begins early, on the line to a point ahead (pure pursuit).
+double KeepToKerb(const Ego& ego, const WayAhead& way) {
+  if (ego.vehicle.length < kLongBody || ego.lane.index > 0) return 0.0;  // Beside it drive others.
+  const Motion& now = ego.now();
+  const double length = ego.vehicle.rear_axle_to_front;
+  const double kerb = ego.world.network->left_hand ? 1.0 : -1.0;
+  const double angle =
+      std::remainder(PointAhead(ego, way, length).heading - now.heading[ego.row], 2.0 * std::numbers::pi);
+  if (std::abs(angle) < kLeastTurn) return 0.0;
+  if (kerb * angle < 0.0) return kerb * std::min(kWidening * length * std::abs(angle), kMaxWidening);
+  const PathPoint here = PointAhead(ego, way, 0.0), aim = PointAhead(ego, way, kAimAhead * length);
+  const double dx = aim.x - now.x[ego.row], dy = aim.y - now.y[ego.row];
+  const double c = std::cos(here.heading), s = std::sin(here.heading);
+  const DrivingParams& driving = ego.params.driving;
+  const double reach = std::max(driving.tracking_distance, ego.speed * driving.tracking_time);
+  return ego.d + std::clamp(reach * std::atan2(dy * c - dx * s, dx * c + dy * s), -kMaxCut, kMaxCut);
 }
 
 /// Does `other`, on a lane at this side of the ego's way, ask to be let in here?
@@ -194,7 +278,8 @@ void LetIn(const Ego& ego, const WayAhead& way, const Leader& leader, Tactics* t
       const LaneIndex neighbor = ego.world.network->Neighbor(way.lanes[k].lane, side);
       if (neighbor == kNone || (k > 0 && ego.world.network->lanes[neighbor].length > 30.0)) continue;
       for (const Occupant& other : ego.world.occupancy->On(neighbor)) {
-        const double front = way.lanes[k].start + other.s;
+        const double front = way.lanes[k].start + Abeam((*ego.world.curves)[neighbor], other.s,
+                                                        (*ego.world.curves)[way.lanes[k].lane]);
         if (front <= 0.0 || other.row == ego.row) continue;
         if (front > reach) break;
         if (!Asks(ego, other, neighbor, side)) continue;
@@ -258,7 +343,7 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
                         !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
                                      (needed.remaining < kLastRoom && LeadTogether(ego, needed.side))));
 
-  if (std::abs(ego.d) > ego.HalfSpan() + kBodyOver) {
+  if (std::abs(ego.d) > ego.HalfSpan() + kBodyOver && needed.side * ego.d <= 0.0) {
     ComeOver(ego, tactics);
     return;
   }
@@ -276,8 +361,7 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
                                                  leader.speed, ego.params.driving.comfort_decel));
     if (neighbor != kNone && !too_late && CanTurnOut(leader) &&
         GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
-      tactics->lane_change = static_cast<std::int8_t>(needed.side);
-      tactics->target_d = needed.side * Spacing(ego, neighbor);
+      Join(ego, neighbor, needed.side, tactics);
     }
     return;
   }
@@ -302,10 +386,10 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     const double limit_there = ego.speed_limit * lane.speed_limit / std::max(1.0, ego.lane.speed_limit);
     // Keep right where it costs nothing: the left lanes of a fast road are for overtaking.
     const double bias = ego.lane.speed_limit > 22.0 ? (side < 0 ? -0.25 : 0.1) : 0.0;
-    if (Advantage(ego, leader, beside.ahead, beside.behind, limit_there) > p.gain_threshold + bias) {
-      tactics->lane_change = static_cast<std::int8_t>(side);
-      tactics->blinker = tactics->lane_change;
-      tactics->target_d = side * Spacing(ego, neighbor);
+    const double queue = p.queue_weight * (QueueTime(ego, ego.now().lane[ego.row], ego.s) -
+                                           QueueTime(ego, neighbor, PositionOn(ego, neighbor)));
+    if (Advantage(ego, leader, beside.ahead, beside.behind, limit_there) + queue > p.gain_threshold + bias) {
+      Join(ego, neighbor, side, tactics);
       return;
     }
   }
@@ -348,6 +432,7 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
     tactics.blinker = traffic.now.blinker[row];
     tactics.urgent = traffic.now.urgent[row] != 0;
   }
+  if (tactics.target_d == 0.0) tactics.target_d = KeepToKerb(ego, way);
   if (tactics.lane_change == 0) LetIn(ego, way, leader, &tactics);
   if (!way.leads_on) {
     tactics.speed_cap =

@@ -12,6 +12,7 @@ struct Tactics {
   double corridor_min{0.0}, corridor_max{0.0};  ///< [m] lateral positions a course may aim at.
   double speed_cap{1e9};       ///< [m/s] for a needed lane change, a merging neighbour, the lane's end.
   std::int8_t lane_change{0};  ///< Joins the neighbour lane now: +1 left, -1 right, 0.
+  double change_shift{0.0};    ///< [m] position on the lane joined minus that on the present one.
   std::int8_t blinker{0};
   bool urgent{false};
   std::int32_t yielded_to{kNone};

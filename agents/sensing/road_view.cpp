@@ -24,28 +24,6 @@ LaneIndex NextOfInternal(const RoadNetwork& network, const Lane& lane) {
   return connection.via != kNone ? connection.via : connection.to;
 }
 
-/// The way from position s on `lane`, along the ego's route.
-WayAhead LookAheadFrom(const World& world, AgentIndex ego, LaneIndex lane, double s, double distance) {
-  const RoadNetwork& network = *world.network;
-  const RoutePlan& plan = *world.traffic->plan[ego];
-  std::size_t position = static_cast<std::size_t>(world.traffic->route_position[ego]);
-  WayAhead way;
-  double start = -s;
-  while (true) {
-    way.lanes[way.count++] = {lane, start};
-    start += network.lanes[lane].length;
-    way.length = start;
-    if (start >= distance || way.count == WayAhead::kMaxLanes) return way;
-    const LaneIndex next = NextLane(network, plan, position, lane);
-    if (next == kNone) {
-      way.leads_on = position + 1 >= plan.route().size();
-      return way;
-    }
-    if (!network.lanes[next].internal) ++position;
-    lane = next;
-  }
-}
-
 /// The first vehicle on `way` whose front is ahead of the ego's.
 /// @param straddling also take vehicles that only reach over from the neighbour lane.
 Leader FirstOnWay(const World& world, AgentIndex ego, const WayAhead& way, bool straddling) {
@@ -195,12 +173,23 @@ LaneIndex LaneBefore(const RoadNetwork& network, LaneIndex lane) {
   return lane;
 }
 
+/// Did it come from this edge so lately that its tail may still be there?
+bool TailIsOn(const World& world, AgentIndex row, EdgeIndex edge) {
+  const Traffic& traffic = *world.traffic;
+  if (row >= static_cast<AgentIndex>(traffic.vehicle_count) || traffic.plan[row] == nullptr) return false;
+  const auto route = traffic.plan[row]->route();
+  const auto position = static_cast<std::size_t>(traffic.route_position[row]);
+  return traffic.now.s[row] < traffic.params[row].length && position > 0 && position <= route.size() &&
+         route[position - 1] == edge;
+}
+
 /// Neither on a road of the ego's way nor, in a junction, come from there.
 bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
   const RoadNetwork& network = *world.network;
   const LaneIndex lane = world.traffic->now.lane[row];
   if (lane == kNone) return false;
   const LaneIndex before = LaneBefore(network, lane);
+  if (TailIsOn(world, row, network.lanes[way.lanes[0].lane].edge)) return false;
   const bool same_road =
       std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& ahead) {
         return network.lanes[ahead.lane].edge == network.lanes[lane].edge || ahead.lane == before;
@@ -245,6 +234,27 @@ LaneIndex NextLane(const RoadNetwork& network, const RoutePlan& plan, std::size_
   const LaneAdvice& advice = plan.At(position, current.index);
   const LaneIndex via = advice.connection == kNone ? kNone : network.connections[advice.connection].via;
   return via != kNone ? via : advice.next;
+}
+
+WayAhead LookAheadFrom(const World& world, AgentIndex ego, LaneIndex lane, double s, double distance) {
+  const RoadNetwork& network = *world.network;
+  const RoutePlan& plan = *world.traffic->plan[ego];
+  std::size_t position = static_cast<std::size_t>(world.traffic->route_position[ego]);
+  WayAhead way;
+  double start = -s;
+  while (true) {
+    way.lanes[way.count++] = {lane, start};
+    start += network.lanes[lane].length;
+    way.length = start;
+    if (start >= distance || way.count == WayAhead::kMaxLanes) return way;
+    const LaneIndex next = NextLane(network, plan, position, lane);
+    if (next == kNone) {
+      way.leads_on = position + 1 >= plan.route().size();
+      return way;
+    }
+    if (!network.lanes[next].internal) ++position;
+    lane = next;
+  }
 }
 
 WayAhead LookAhead(const World& world, AgentIndex ego, double distance) {

@@ -46,6 +46,9 @@ LaneIndex NextLane(const RoadNetwork& network, const RoutePlan& plan, std::size_
 /// Follows the route from the ego's lane as far as `distance` [m].
 WayAhead LookAhead(const World& world, AgentIndex ego, double distance);
 
+/// The way from position s [m] on `lane`, a lane of the ego's edge, along the ego's route.
+WayAhead LookAheadFrom(const World& world, AgentIndex ego, LaneIndex lane, double s, double distance);
+
 /// The vehicle in front along a way.
 struct Leader {
   AgentIndex row{kNone};

@@ -288,6 +288,52 @@ TEST(Coupling, ReroutedVehiclesArrive) {
   EXPECT_EQ(rerouted, 10);
 }
 
+// Lanes of one edge may begin at different places: a change goes to the place abeam, without a jump.
+TEST(Coupling, AChangeBetweenShiftedLanesIsNoJump) {
+  const TemporaryFolder folder;
+  const auto net = folder.Write("skew.net.xml", R"(<net version="1.9">
+    <edge id=":B_0" function="internal">
+      <lane id=":B_0_0" index="0" speed="13.89" length="8" shape="400,0 408,0"/>
+      <lane id=":B_0_1" index="1" speed="13.89" length="8" shape="400,3.2 408,3.2"/></edge>
+    <edge id="a" from="A" to="B">
+      <lane id="a_0" index="0" speed="13.89" length="400" shape="0,0 400,0"/>
+      <lane id="a_1" index="1" speed="13.89" length="400" shape="-20,3.2 400,3.2"/></edge>
+    <edge id="b" from="B" to="C">
+      <lane id="b_0" index="0" speed="13.89" length="300" shape="408,0 708,0"/>
+      <lane id="b_1" index="1" speed="13.89" length="300" shape="408,3.2 708,3.2"/></edge>
+    <junction id="A" type="dead_end" x="0" y="0" incLanes="" intLanes="" shape="0,-2 0,5"/>
+    <junction id="B" type="priority" x="404" y="0" incLanes="a_0 a_1" intLanes=":B_0_0 :B_0_1" shape="400,-2 400,5 408,5 408,-2">
+      <request index="0" response="00" foes="00" cont="0"/><request index="1" response="00" foes="00" cont="0"/></junction>
+    <junction id="C" type="dead_end" x="708" y="0" incLanes="b_0 b_1" intLanes="" shape="708,-2 708,5"/>
+    <connection from="a" to="b" fromLane="0" toLane="0" via=":B_0_0" dir="s" state="M"/>
+    <connection from="a" to="b" fromLane="1" toLane="1" via=":B_0_1" dir="s" state="M"/>
+    <connection from=":B_0" to="b" fromLane="0" toLane="0" dir="s" state="M"/>
+    <connection from=":B_0" to="b" fromLane="1" toLane="1" dir="s" state="M"/></net>)");
+  const auto routes = folder.Write("skew.rou.xml", R"(<routes>
+    <vType id="slow" maxSpeed="3"/>
+    <route id="r" edges="a b"/>
+    <flow id="s" type="slow" route="r" begin="0" period="20" number="5" departLane="0" departSpeed="max"/>
+    <flow id="f" route="r" begin="5" period="4" number="20" departLane="0" departSpeed="max"/></routes>)");
+  RunConfig config = OwnDemand("town", routes, Policy::kDwa, 200.0);
+  config.net_file = net;
+  config.results = folder / "skew.sqlite";
+  config.sample_period = 0.0;
+  const RunReport report = RunResolved(config);
+  EXPECT_EQ(report.outcome.inserted, 25);
+  EXPECT_EQ(report.outcome.teleported, 0);
+  EXPECT_EQ(MidBlock(report).different, 0);
+  EXPECT_GT(Query(*config.results,
+                  "SELECT COUNT(DISTINCT vehicle_number) FROM trajectory JOIN lane USING (run_id, lane) "
+                  "WHERE lane_id = 'a_1'"),
+            10.0);
+  // From step to step nobody is farther on than its speed explains.
+  EXPECT_LT(
+      Query(*config.results,
+            "SELECT MAX(ABS(x_m - before - 0.1 * speed_mps)) FROM (SELECT x_m, speed_mps, LAG(x_m) OVER "
+            "(PARTITION BY vehicle_number ORDER BY time_s) AS before FROM trajectory)"),
+      0.15);
+}
+
 class Breakdown : public testing::TestWithParam<int> {};
 
 // 100 cars have to pass five broken-down ones, which never arrive.

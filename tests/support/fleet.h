@@ -84,7 +84,9 @@ class Fleet {
     Motion& now = traffic.now;
     if (const int change = commands.change_lane[i]; change != 0) {
       const LaneIndex to = network_.Neighbor(now.lane[i], change);
-      const PathPoint a = curves_[now.lane[i]].At(now.s[i]), b = curves_[to].At(now.s[i]);
+      const PathPoint a = curves_[now.lane[i]].At(now.s[i]);
+      now.s[i] += commands.change_shift[i];
+      const PathPoint b = curves_[to].At(now.s[i]);
       const double x = a.x - now.d[i] * std::sin(a.heading), y = a.y + now.d[i] * std::cos(a.heading);
       now.d[i] = (y - b.y) * std::cos(b.heading) - (x - b.x) * std::sin(b.heading);
       now.lane[i] = to;

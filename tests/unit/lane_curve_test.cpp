@@ -207,6 +207,48 @@ TEST(LaneCurve, TurnMeetsItsLanesSmoothly) {
   ExpectConsistent(curves[turn]);
 }
 
+// The same turn as a corner of 1.4 m: where it is the only way, the lanes before and behind give it room.
+TEST(LaneCurve, ASoleTurnIsRoundedToWhatVehiclesCanFollow) {
+  LaneNet net;
+  const LaneIndex in = net.Add({{-50.0, 0.0}, {0.0, 0.0}});
+  const LaneIndex out = net.Add({{1.0, 1.0}, {1.0, 60.0}});
+  const LaneIndex turn = net.Add({{0.0, 0.0}, {1.0, 1.0}}, /*internal=*/true);
+  net.Connect(in, out, turn);
+  net.Connect(turn, out);
+  const auto curves = net.Fit();
+  ExpectSmoothJoint(curves[in], curves[turn], "into the turn");
+  ExpectSmoothJoint(curves[turn], curves[out], "out of the turn");
+  for (const LaneIndex lane : {in, turn, out}) {
+    EXPECT_LT(MaxCurvature(curves[lane]), 1.0 / 5.5);
+    ExpectConsistent(curves[lane]);
+  }
+  // An arc of 7 m from 6 m before the corner: its middle lies 7 (sqrt 2 - 1) = 2.9 m inside the corner at (1,
+  // 0).
+  const PathPoint middle = curves[turn].At(0.5 * net.network.lanes[turn].length);
+  EXPECT_NEAR(std::hypot(middle.x - 1.0, middle.y), 7.0 * (std::sqrt(2.0) - 1.0), 0.3);
+  EXPECT_NEAR(curves[in].At(20.0).y, 0.0, 0.05);
+  EXPECT_NEAR(curves[out].At(40.0).x, 1.0, 0.05);
+
+  // With another way out of the same lane, the lane stays where it is.
+  const LaneIndex other = net.Add({{10.0, 0.0}, {60.0, 0.0}});
+  net.Connect(in, other);
+  const auto shared = net.Fit();
+  EXPECT_NEAR(shared[in].At(50.0).y, 0.0, 1e-6);
+}
+
+// The left lane begins 20 m further back and both count 300 m: 100 m on the one is 120 * 300 / 320 on the
+// other.
+TEST(LaneCurve, AbeamOnALaneThatBeginsElsewhere) {
+  LaneNet net;
+  const LaneIndex right = net.Add({{0.0, 0.0}, {300.0, 0.0}}, false, 300.0);
+  const LaneIndex left = net.Add({{-20.0, 3.2}, {300.0, 3.2}}, false, 300.0);
+  const auto curves = net.Fit();
+  EXPECT_NEAR(Abeam(curves[right], 100.0, curves[left]), 112.5, 1e-6);
+  EXPECT_NEAR(Abeam(curves[left], 112.5, curves[right]), 100.0, 1e-6);
+  EXPECT_NEAR(Abeam(curves[right], 300.0, curves[left]), 300.0, 1e-6);
+  EXPECT_LT(Abeam(curves[left], 5.0, curves[right]), 0.0);  // There the right lane has not begun.
+}
+
 TEST(LaneCurve, InternalPartsAndDirectSuccessorsShareTheirJoint) {
   LaneNet net;
   const auto arc = Arc(10.0, kPi / 2.0, 12);
@@ -296,8 +338,8 @@ TEST(LaneCurve, BolognaIsCurvatureContinuousOverEveryConnection) {
 // the map itself. Lanes inside junctions are netconvert's guesses, of a few vertices and often with corners
 // that no car can turn; there the fit rounds over min(smoothness, length / 4) on purpose, so that a vehicle
 // with a finite turning circle can follow, and cuts the corner by some decimetres. Measured with the default
-// parameters: normal lanes 8 % beyond 0.3 m, at most 0.96 m; internal lanes 31 % beyond 0.3 m, 2 % beyond 1
-// m, at most 1.7 m.
+// parameters: normal lanes 8 % beyond 0.3 m, at most 0.96 m but for the two at the one sole turn; internal
+// lanes 31 % beyond 0.3 m, 2 % beyond 1 m, at most 1.7 m but for the sole turn, whose arc keeps 2.1 m off.
 TEST(LaneCurve, BolognaStaysNearItsLanesAndDrivable) {
   const auto& [network, curves] = LoadedAcosta();
   if (curves.empty()) GTEST_SKIP() << "no net file " << kAcosta;
@@ -307,7 +349,7 @@ TEST(LaneCurve, BolognaStaysNearItsLanesAndDrivable) {
   for (std::size_t i = 0; i < curves.size(); ++i) {
     const Lane& lane = network.lanes[i];
     const double deviation = MaxDeviation(curves[i], lane.shape);
-    EXPECT_LT(deviation, 2.0) << lane.id;
+    EXPECT_LT(deviation, 2.1) << lane.id;
     auto& kind = lane.internal ? internal : normal;
     ++kind.lanes;
     kind.beyond_third += deviation > 0.3;
@@ -316,7 +358,7 @@ TEST(LaneCurve, BolognaStaysNearItsLanesAndDrivable) {
   }
   EXPECT_GT(normal.lanes, 200);
   EXPECT_LT(normal.beyond_third, normal.lanes / 10);
-  EXPECT_EQ(normal.beyond_one, 0);
+  EXPECT_LE(normal.beyond_one, 2);
   EXPECT_GT(internal.lanes, 300);
   EXPECT_LT(internal.beyond_third, internal.lanes / 3);
   EXPECT_LT(internal.beyond_one, internal.lanes / 30);

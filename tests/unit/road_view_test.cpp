@@ -212,6 +212,27 @@ TEST_F(ChainView, WhoHasWaitedLongCreepsByWhatStandsOnAnotherRoad) {
   EXPECT_EQ(forgiven(), 0.0f);
 }
 
+// Who turns off ahead of us and stands with its tail still on our edge is in our way, however long we have
+// waited.
+TEST(ForkView, ATailOnOurRoadIsNotCreptThrough) {
+  const RoadNetwork network = ForkNet();
+  Scene scene(network);
+  scene.Add({"a", "b"}, 1, 395.0, 0.0);
+  scene.Add({"a", "c"}, 0, 0.0, 0.0);
+  Traffic& traffic = scene.traffic();
+  traffic.now.waited[0] = 13.0f;
+  traffic.now.lane[1] = network.FindLane("c_0");
+  traffic.route_position[1] = 1;
+  RoadView view;
+  const auto forgiven = [&](double s) {
+    traffic.now.s[1] = s;
+    SenseRoad(scene.Look(), 0, LookAhead(scene.Look(), 0, 60.0), 45.0, true, &view);
+    return view.obstacle_count == 1 ? view.obstacles[0].forgiven : -1.0f;
+  };
+  EXPECT_EQ(forgiven(3.0), 0.0f);
+  EXPECT_GT(forgiven(12.0), 100.0f);  // Its tail has left.
+}
+
 // A car that comes towards us is left out while SUMO's checks guard the junction.
 TEST_F(ChainView, CrossingTrafficOnlyWhenAskedFor) {
   scene_.Add({"e0", "e1"}, 0, 50.0, 10.0);

@@ -145,27 +145,73 @@ TEST_F(TacticsTest, AChangeNeedsRoomToTurnOut) {
   EXPECT_EQ(scene_.Decide(0).lane_change, 1);
 }
 
-// The left lane begins 20 m further back but has the same length: at 100 m of 300 m the same position lies
-// 20 * 2 / 3 = 13 m further back, at 290 m 0.7 m. A change would be a jump; where the lanes agree it is none.
-TEST(TacticsSkew, NoChangeWhereLanesDoNotAgree) {
-  const RoadNetwork network = LoadNetText(R"(<net version="1.9">
+/// Edge "a": its left lane begins 20 m further back; both count 300 m.
+RoadNetwork SkewNet() {
+  return LoadNetText(R"(<net version="1.9">
     <edge id="a" from="A" to="B">
       <lane id="a_0" index="0" speed="13.89" length="300" shape="0,0 300,0"/>
       <lane id="a_1" index="1" speed="13.89" length="300" shape="-20,3.2 300,3.2"/></edge>
     <junction id="A" type="dead_end" incLanes="" intLanes=""/>
     <junction id="B" type="dead_end" incLanes="a_0 a_1" intLanes=""/></net>)");
+}
+
+// A change leads to the place abeam, at another position as SUMO counts.
+TEST(TacticsSkew, AChangeLeadsAbeam) {
+  const RoadNetwork network = SkewNet();
   Scene scene(network);
   scene.Add({"a"}, 0, 100.0, 12.0);
   scene.Add({"a"}, 0, 130.0, 3.0);
+  const Tactics tactics = scene.Decide(0);
+  EXPECT_EQ(tactics.lane_change, 1);
+  EXPECT_NEAR(tactics.change_shift, 12.5, 1e-6);
+  // Back at x = -15 the right lane has not begun.
+  scene.traffic().now.lane[0] = scene.traffic().now.lane[1] = network.FindLane("a_1");
+  scene.traffic().now.s[0] = 5.0;
+  scene.traffic().now.s[1] = 35.0;
   EXPECT_EQ(scene.Decide(0).lane_change, 0);
-  scene.traffic().now.s[0] = 269.0;
-  scene.traffic().now.speed[0] = 6.0;
-  scene.traffic().now.s[1] = 290.0;
-  scene.traffic().now.speed[1] = 0.5;
+}
+
+// Who is beside is found where it is: 112.5 m on the left lane is abeam of 100 m, 93 m is 20 m behind that.
+TEST(TacticsSkew, GapsAreMeasuredAbeam) {
+  const RoadNetwork network = SkewNet();
+  Scene scene(network);
+  scene.Add({"a"}, 0, 100.0, 12.0);
+  scene.Add({"a"}, 0, 130.0, 3.0);
+  scene.Add({"a"}, 1, 112.5, 12.0);
   EXPECT_EQ(scene.Decide(0).lane_change, 0);
-  scene.traffic().now.s[0] = 286.0;
-  scene.traffic().now.s[1] = 299.0;
+  scene.traffic().now.s[2] = 93.0;
   EXPECT_EQ(scene.Decide(0).lane_change, 1);
+}
+
+// A bus of 12 m in a bend of 90 degrees: it keeps to the kerb's side, a car to its lane.
+TEST(TacticsBend, LongVehiclesKeepToTheKerb) {
+  for (const double side : {1.0, -1.0}) {  // Left-hand and right-hand bend.
+    for (const bool left_hand : {false, true}) {
+      RoadNetwork network = BendNet(side * 10.0, side * 1.57);
+      network.left_hand = left_hand;
+      Scene scene(network);
+      scene.Add({"bend"}, 0, 2.0, 3.0);
+      EXPECT_EQ(scene.Decide(0).target_d, 0.0);
+      scene.traffic().params[0].length = 12.0;
+      AxlesAndActuators("bus", &scene.traffic().params[0]);
+      const double kerb = left_hand ? 1.0 : -1.0;
+      EXPECT_GT(kerb * scene.Decide(0).target_d, 0.5) << "bend to " << side << ", left hand " << left_hand;
+      EXPECT_LE(kerb * scene.Decide(0).target_d, 5.0);
+    }
+  }
+}
+
+// Ten cars crawl far ahead on the own lane, behind the next junction: too far for the car-following law, but
+// reason enough to take the other lane.
+TEST(TacticsChain, ShunsALongQueue) {
+  const RoadNetwork network = ChainNet(/*edges=*/2, /*lanes=*/2, /*length=*/300.0);
+  Scene scene(network);
+  scene.Add({"e0", "e1"}, 0, 200.0, 12.0);
+  for (int k = 0; k < 10; ++k) scene.Add({"e1"}, 0, 100.0 + 7.0 * k, 4.0);
+  EXPECT_EQ(scene.Decide(0).lane_change, 1);
+  AgentParams params;
+  params.lane_change.queue_weight = 0.0;
+  EXPECT_EQ(scene.Decide(0, params).lane_change, 0);
 }
 
 // A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
