@@ -113,9 +113,9 @@ OnPath Project(const RoadView& view, float x, float y) {
   return {view.s[nearest] + dx * c + dy * s, dy * c - dx * s, c, s};
 }
 
-/// Places road user `row` in the frame of the path. Of one that goes along the path both ends are projected:
-/// in a bend the frame turns along the body, and a neighbour that keeps to its lane neither widens nor
-/// drifts.
+/// Places road user `row` in the frame of the path. Of one that goes along the path, or comes towards us, both
+/// ends are projected: in a bend the frame turns along the body, and a neighbour that keeps to its lane neither
+/// widens nor drifts.
 Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   const Traffic& traffic = *world.traffic;
   const VehicleParams& params = traffic.params[row];
@@ -129,13 +129,13 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   float along = cos_heading * at.cos_heading + sin_heading * at.sin_heading;   // cos of the relative heading.
   float across = sin_heading * at.cos_heading - cos_heading * at.sin_heading;  // sin of it.
   Obstacle obstacle;
-  if (along > kGoesAlong) {
+  if (std::abs(along) > kGoesAlong) {
     const OnPath front = Project(view, x + half_length * cos_heading, y + half_length * sin_heading);
     const OnPath rear = Project(view, x - half_length * cos_heading, y - half_length * sin_heading);
     obstacle.s = 0.5f * (front.s + rear.s);
     obstacle.d = 0.5f * (front.d + rear.d);
     obstacle.half_length = 0.5f * std::abs(front.s - rear.s) + half_width * std::abs(across);
-    obstacle.half_width = 0.5f * std::abs(front.d - rear.d) + half_width * along;
+    obstacle.half_width = 0.5f * std::abs(front.d - rear.d) + half_width * std::abs(along);
     // The front follows the road: its motion is told by the tangent there.
     along = cos_heading * front.cos_heading + sin_heading * front.sin_heading;
     across = sin_heading * front.cos_heading - cos_heading * front.sin_heading;
