@@ -14,6 +14,8 @@ constexpr double kStanding = 0.1, kCreeping = 0.5;
 constexpr float kPatience = 12.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
+/// [s] for which a vehicle's lateral motion is taken to last.
+constexpr float kDriftTime = 1.0f;
 /// [m] of overlap forgiven.
 constexpr float kALittle = 0.6f, kWholly = 1e3f;
 
@@ -113,9 +115,22 @@ OnPath Project(const RoadView& view, float x, float y) {
   return {view.s[nearest] + dx * c + dy * s, dy * c - dx * s, c, s};
 }
 
-/// Places road user `row` in the frame of the path. Of one that goes along the path, or comes towards us, both
-/// ends are projected: in a bend the frame turns along the body, and a neighbour that keeps to its lane neither
-/// widens nor drifts.
+/// [m] where in the frame of the path, to its left, the front of vehicle `row` will be when it has followed
+/// its own lanes for `time` [s].
+float PlaceAfter(const World& world, AgentIndex row, float time, const RoadView& view) {
+  const Motion& now = world.traffic->now;
+  const double distance = now.speed[row] * time;
+  const WayAhead way = LookAheadFrom(world, row, now.lane[row], now.s[row], distance);
+  const LaneAhead& last = way.lanes[way.count - 1];
+  const PathPoint point = (*world.curves)[last.lane].At(distance - last.start);
+  const double x = point.x - now.d[row] * std::sin(point.heading),
+               y = point.y + now.d[row] * std::cos(point.heading);
+  return Project(view, static_cast<float>(x - view.origin_x), static_cast<float>(y - view.origin_y)).d;
+}
+
+/// Places road user `row` in the frame of the path. Of one that goes along the path, or comes towards us,
+/// both ends are projected: in a bend the frame turns along the body, and a neighbour that keeps to its lane
+/// neither widens nor drifts.
 Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   const Traffic& traffic = *world.traffic;
   const VehicleParams& params = traffic.params[row];
@@ -154,7 +169,12 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   obstacle.speed_s = speed * (along * std::cos(slip) - across * std::sin(slip));
   obstacle.speed_d = speed * (across * std::cos(slip) + along * std::sin(slip));
   // Those who drive steer back, or into their new lane; persons walk on.
-  obstacle.drift_time = row < static_cast<AgentIndex>(traffic.vehicle_count) ? 1.0f : 3.0f;
+  const bool person = row >= static_cast<AgentIndex>(traffic.vehicle_count);
+  obstacle.drift_time = person ? 3.0f : kDriftTime;
+  // Who comes towards us follows its own lane through the bend, not its tangent, which may point at us.
+  if (!person && along < 0.0f && traffic.plan[row] != nullptr && speed > kStanding) {
+    obstacle.speed_d = (PlaceAfter(world, row, kDriftTime, view) - obstacle.d) / kDriftTime;
+  }
   obstacle.along = along;
   obstacle.row = row;
   obstacle.hazard = traffic.hazard[row] != 0;

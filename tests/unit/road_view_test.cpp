@@ -212,6 +212,30 @@ TEST_F(ChainView, WhoHasWaitedLongCreepsByWhatStandsOnAnotherRoad) {
   EXPECT_EQ(forgiven(), 0.0f);
 }
 
+// Its tangent points across our path; its lane bends and passes us 3.2 m to the left.
+TEST(BendView, WhoComesTowardsUsFollowsItsLane) {
+  const RoadNetwork network = LoadNetText(R"(<net version="1.9">
+    <edge id="a" from="A" to="B">
+      <lane id="a_0" index="0" speed="13.89" length="100" shape="-50,0 50,0"/></edge>
+    <edge id="b" from="C" to="A">
+      <lane id="b_0" index="0" speed="13.89" length="115" shape="50,32 30,8 24,4 18,3.2 -50,3.2"/></edge>
+    <junction id="A" type="dead_end" incLanes="b_0" intLanes=""/>
+    <junction id="B" type="dead_end" incLanes="a_0" intLanes=""/>
+    <junction id="C" type="dead_end" incLanes="" intLanes=""/></net>)");
+  Scene scene(network);
+  scene.Add({"a"}, 0, 65.0, 5.0);
+  scene.Add({"b"}, 0, 34.0, 9.0);
+  RoadView view;
+  const World world = scene.Look();
+  SenseRoad(world, 0, LookAhead(world, 0, 35.0), 30.0, true, &view);
+  ASSERT_EQ(view.obstacle_count, 1);
+  const Obstacle& o = view.obstacles[0];
+  EXPECT_LT(o.along, 0.0f);
+  const Traffic& traffic = scene.traffic();
+  EXPECT_LT(traffic.now.y[1] + 9.0 * std::sin(traffic.now.heading[1]), 3.0);  // By its tangent.
+  EXPECT_NEAR(o.d + o.speed_d * o.drift_time, 4.0, 1.0);
+}
+
 // Who turns off ahead of us and stands with its tail still on our edge is in our way, however long we have
 // waited.
 TEST(ForkView, ATailOnOurRoadIsNotCreptThrough) {
