@@ -278,7 +278,9 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
                   clear_j = courses->clearance[j];
       courses->comfort_speed[j] = in_course && comfort_speed < comfort_j ? comfort_speed : comfort_j;
       courses->safe_speed[j] = in_course && safe_speed < safe_j ? safe_speed : safe_j;
-      courses->clearance[j] = !in_course && lateral_gap < clear_j ? lateral_gap : clear_j;
+      // What the course runs into limits its speed; as a critic it counts like a touch.
+      const float gap_or_touch = lateral_gap > 0.0f ? lateral_gap : 0.0f;
+      courses->clearance[j] = gap_or_touch < clear_j ? gap_or_touch : clear_j;
     }
     if (lateral_gap_of(0) < least_gap && gap < courses->leader_gap) {
       courses->leader_gap = gap;
