@@ -17,6 +17,22 @@ Point2 Left(Point2 u) {
   return {-u.y, u.x};
 }
 
+/// The four candidate separating axes of two boxes with the sum of both half extents along each.
+struct Axes {
+  Point2 axis[4];
+  double reach[4];
+};
+
+Axes SeparatingAxes(const MovingBox& a, const MovingBox& b) {
+  // The boxes' relative rotation alone gives the extent of one along the axes of the other.
+  const double c = std::abs(Dot(a.u, b.u)), s = std::abs(a.u.x * b.u.y - a.u.y * b.u.x);
+  return {{a.u, Left(a.u), b.u, Left(b.u)},
+          {a.half_length + c * b.half_length + s * b.half_width,
+           a.half_width + s * b.half_length + c * b.half_width,
+           b.half_length + c * a.half_length + s * a.half_width,
+           b.half_width + s * a.half_length + c * a.half_width}};
+}
+
 /// The part of the region where ka a + kb b <= limit (Sutherland and Hodgman 1974).
 void Clip(double ka, double kb, double limit, ConflictRegion* region) {
   ConflictRegion inside;
@@ -72,6 +88,37 @@ double DecelerationBehind(const ConflictRegion& region, double speed, Times&& ti
 
 }  // namespace
 
+MovingBox BoxOf(const Footprint& f, Point2 velocity) {
+  const Point2 u{std::cos(f.front.heading), std::sin(f.front.heading)};
+  const double half_length = 0.5 * f.length;
+  return {{f.front.x - half_length * u.x, f.front.y - half_length * u.y}, velocity, u, half_length,
+          0.5 * f.width};
+}
+
+std::optional<double> TimeToContact(const MovingBox& a, const MovingBox& b, double horizon) {
+  const Axes axes = SeparatingAxes(a, b);
+  const Point2 d{b.center.x - a.center.x, b.center.y - a.center.y};
+  const Point2 v{b.velocity.x - a.velocity.x, b.velocity.y - a.velocity.y};
+  // The boxes touch while their projections overlap on all axes: intersect the intervals in time.
+  double enter = 0.0;
+  double leave = horizon;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const double position = Dot(d, axes.axis[k]);
+    const double rate = Dot(v, axes.axis[k]);
+    const double reach = axes.reach[k];
+    if (rate == 0.0) {
+      if (std::abs(position) > reach) return std::nullopt;
+      continue;
+    }
+    const double t1 = (-reach - position) / rate;
+    const double t2 = (reach - position) / rate;
+    enter = std::max(enter, std::min(t1, t2));
+    leave = std::min(leave, std::max(t1, t2));
+    if (enter > leave) return std::nullopt;
+  }
+  return enter;
+}
+
 bool AreApart(const MovingBox& a, const MovingBox& b) {
   const double c = std::abs(Dot(a.u, b.u)), s = std::abs(a.u.x * b.u.y - a.u.y * b.u.x);
   const Point2 d{b.center.x - a.center.x, b.center.y - a.center.y};
@@ -82,12 +129,7 @@ bool AreApart(const MovingBox& a, const MovingBox& b) {
 }
 
 ConflictRegion FindConflictRegion(const MovingBox& a, const MovingBox& b, double a_max, double b_max) {
-  const double c = std::abs(Dot(a.u, b.u)), s = std::abs(a.u.x * b.u.y - a.u.y * b.u.x);
-  const Point2 axes[] = {a.u, Left(a.u), b.u, Left(b.u)};
-  const double reach[] = {a.half_length + c * b.half_length + s * b.half_width,
-                          a.half_width + s * b.half_length + c * b.half_width,
-                          b.half_length + c * a.half_length + s * a.half_width,
-                          b.half_width + s * a.half_length + c * a.half_width};
+  const auto [axes, reach] = SeparatingAxes(a, b);
   const Point2 d{b.center.x - a.center.x, b.center.y - a.center.y};
   double ka[4], kb[4], now[4];
   for (std::size_t k = 0; k < 4; ++k) {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "agents/core/geometry.h"
 #include "agents/core/types.h"
 
 namespace lanewise {
@@ -15,6 +16,11 @@ struct MovingBox {
   Point2 u{1.0, 0.0};                        ///< Unit vector of the heading.
   double half_length{0.0}, half_width{0.0};  ///< [m]
 };
+
+MovingBox BoxOf(const Footprint& footprint, Point2 velocity);
+
+/// When the two first touch [s], in [0, horizon], or nothing. Separating axes swept in time: exact.
+std::optional<double> TimeToContact(const MovingBox& a, const MovingBox& b, double horizon);
 
 /// Do the two, as they stand at time 0, not overlap?
 bool AreApart(const MovingBox& a, const MovingBox& b);

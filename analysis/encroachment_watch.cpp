@@ -162,7 +162,8 @@ void EncroachmentWatch::FindEncroachments(const Trail& later, std::vector<Encroa
     if (earlier.number == later.number || AreApart(earlier.sweep, later.sweep)) return;
     if ((earlier.pedestrian && later.pedestrian) || (earlier.planned_stop && later.planned_stop)) return;
     const LaneUser &a = earlier.lanes, &c = later.lanes;
-    if (IsOnWayOf(c, a) || IsOnWayOf(a, c)) return;  // In line.
+    if (IsOnWayOf(c, a) || IsOnWayOf(a, c)) return;  // In line;
+    if (a.lane != kNone && a.lane == c.lane) return;  // so too when they came from different lanes.
     // The earlier one's tail, or all of it, has turned off the way both had.
     if (a.rear != kNone && (a.rear == c.lane || a.rear == c.behind)) return;
     if (a.behind != kNone && a.behind == c.behind && a.lane != c.lane) return;

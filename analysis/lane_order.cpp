@@ -73,17 +73,6 @@ EncounterType ClassifyMeeting(const RoadNetwork* network, const LaneUser& a, con
   return EncounterType::kCrossing;
 }
 
-bool KeepApart(const RoadNetwork& network, const LaneUser& a, const LaneUser& b, double seconds) {
-  const auto keeps_lane = [&](const LaneUser& user) {
-    if (user.path.lane[0] == kNone || user.rear != user.lane) return false;
-    const Lane& lane = network.lanes[user.lane];
-    const double then = user.lateral_offset + seconds * user.lateral_speed;
-    const double farthest = std::max(std::abs(user.lateral_offset), std::abs(then));
-    return !lane.internal && farthest + 0.5 * user.width <= 0.5 * lane.width;
-  };
-  return a.lane != b.lane && keeps_lane(a) && keeps_lane(b);
-}
-
 void LaneOrder::Build(const TrafficFrame& frame) {
   const std::size_t lanes = network_.lanes.size();
   start_.assign(lanes + 1, 0);

@@ -13,6 +13,7 @@ namespace lanewise {
 namespace {
 
 constexpr std::size_t kMinParallelRows = 2048;  // Below, a busy machine loses more to waking a team than it saves.
+constexpr double kSlack = 0.5;  // [m] by which a way beside a lane may be longer than it, in the search.
 constexpr double kNoTtc = std::numeric_limits<double>::infinity();
 
 std::uint64_t PairKey(std::int32_t first, std::int32_t second) {
@@ -52,7 +53,8 @@ void RewindToFirstTouch(double step_length, TouchingVehicle* a, TouchingVehicle*
   const Footprint before_a = Shifted(a->footprint, a->velocity, -step_length);
   const Footprint before_b = Shifted(b->footprint, b->velocity, -step_length);
   const double touch =
-      TimeToContact(before_a, a->velocity, before_b, b->velocity, step_length).value_or(step_length);
+      TimeToContact(BoxOf(before_a, a->velocity), BoxOf(before_b, b->velocity), step_length)
+          .value_or(step_length);
   a->footprint = Shifted(before_a, a->velocity, touch);
   b->footprint = Shifted(before_b, b->velocity, touch);
 }
@@ -188,7 +190,9 @@ SafetyMonitor::SafetyMonitor(SafetyParams params, const RoadNetwork* network, Sa
       level_(level),
       horizon_(level == SafetyLevel::kFull ? params.ttc_encounter : 0.0),
       encroachments_(network, level == SafetyLevel::kFull ? params.pet_encounter : 0.0) {
-  if (network != nullptr && level == SafetyLevel::kFull) lane_order_ = std::make_unique<LaneOrder>(*network);
+  if (network == nullptr || level != SafetyLevel::kFull) return;
+  lane_order_ = std::make_unique<LaneOrder>(*network);
+  lane_motion_ = std::make_unique<LaneMotion>(*network);
 }
 
 void SafetyMonitor::Observe(const TrafficFrame& frame) {
@@ -227,6 +231,7 @@ void SafetyMonitor::PrepareBodies(const TrafficFrame& frame) {
   const std::size_t rows = frame.size();
   bodies_.resize(rows);
   sweeps_.resize(rows);
+  outlines_.resize(rows);
   sweep_x_.resize(rows);
   sweep_y_.resize(rows);
   const double half_horizon = 0.5 * horizon_;
@@ -242,10 +247,23 @@ void SafetyMonitor::PrepareBodies(const TrafficFrame& frame) {
     body.y = frame.y[i] - body.half_length * body.uy;
     body.vx = frame.vx[i];
     body.vy = frame.vy[i];
-    sweep_x_[i] = body.x + half_horizon * body.vx;
-    sweep_y_[i] = body.y + half_horizon * body.vy;
-    const double half_path = half_horizon * std::sqrt(body.vx * body.vx + body.vy * body.vy);
-    sweeps_[i] = {sweep_x_[i], sweep_y_[i], body.radius + half_path};
+    const double speed = std::sqrt(body.vx * body.vx + body.vy * body.vy);
+    body.turns = lane_motion_ && lane_motion_->Turns(frame, i, horizon_);
+    if (body.turns) {
+      // A way lies within the circle around the middle between its ends, half as large as it is long.
+      Outline& outline = outlines_[i];
+      lane_motion_->Follow(frame, i, horizon_ / kWindows, outline.pose);
+      const double beside = std::abs(frame.lateral_offset[i]) + horizon_ * std::abs(frame.lateral_speed[i]);
+      outline.radius = body.radius + 0.5 * horizon_ / kWindows * speed + beside + kSlack;
+      const Point2 begin = outline.pose.front().center, end = outline.pose.back().center;
+      sweeps_[i] = {0.5 * (begin.x + end.x), 0.5 * (begin.y + end.y),
+                    body.radius + half_horizon * speed + beside + kSlack};
+    } else {
+      sweeps_[i] = {body.x + half_horizon * body.vx, body.y + half_horizon * body.vy,
+                    body.radius + half_horizon * speed};
+    }
+    sweep_x_[i] = sweeps_[i].x;
+    sweep_y_[i] = sweeps_[i].y;
   }
   grid_.Build(sweep_x_, sweep_y_);
   row_of_.assign(row_of_.size(), kNone);
@@ -291,75 +309,138 @@ void SafetyMonitor::FindPartners(const TrafficFrame& frame, std::size_t i,
     const bool meet = dx * dx + dy * dy <= reach * reach;
     const bool mine = (b.radius < a.radius) | ((b.radius == a.radius) & (j > i));
     if (!(meet & mine)) return;  // One branch: each alone is a coin toss to the processor.
-    if (!MayTouch(bodies_[i], bodies_[j])) return;
+    const bool on_lanes = bodies_[i].turns | bodies_[j].turns;
+    if (on_lanes ? !MayMeetOnLanes(i, j) : !MayTouch(bodies_[i], bodies_[j])) return;
     if ((frame.pedestrian[i] && frame.pedestrian[j]) || (frame.planned_stop[i] && frame.planned_stop[j]))
       return;
 
     const bool in_order = frame.vehicle_number[i] < frame.vehicle_number[j];
     const std::size_t first = in_order ? i : j;
     const std::size_t second = in_order ? j : i;
-    const TouchingVehicle v = VehicleAt(frame, first);
-    const TouchingVehicle w = VehicleAt(frame, second);
-    const std::optional<double> ttc =
-        TimeToContact(v.footprint, v.velocity, w.footprint, w.velocity, horizon_);
-    if (!ttc || (*ttc >= horizon_ && *ttc > 0.0)) return;
-    const double depth = *ttc > 0.0 ? 0.0 : PenetrationDepth(v.footprint, w.footprint);
+    const auto in_line = [&] {
+      return lane_order_ &&
+             (lane_order_->GapBetween(frame, first, second) || lane_order_->GapBetween(frame, second, first));
+    };
+    const MovingBox box_first = BoxOf(first), box_second = BoxOf(second);
+    if (on_lanes && AreApart(box_first, box_second) && in_line()) return;  // The cheaper question first.
+    const std::optional<Meeting> meeting =
+        on_lanes ? MeetOnLanes(frame, first, second) : MeetStraight(box_first, box_second);
+    if (!meeting || (meeting->ttc >= horizon_ && meeting->ttc > 0.0)) return;
+    const double depth = meeting->ttc > 0.0
+                             ? 0.0
+                             : PenetrationDepth(FootprintOf(frame, first), FootprintOf(frame, second));
     const bool contact = depth > params_.contact_depth;
     // A queue standing bumper to bumper, gap 0 up to rounding, is no conflict.
-    if (*ttc == 0.0 && !contact &&
-        std::hypot(v.velocity.x - w.velocity.x, v.velocity.y - w.velocity.y) < params_.standing_speed)
+    if (meeting->ttc == 0.0 && !contact &&
+        std::hypot(frame.vx[first] - frame.vx[second], frame.vy[first] - frame.vy[second]) <
+            params_.standing_speed)
       return;
-    // Who follows along the lanes is measured along them; on a bend straight motion would tell wrong.
-    if (!contact && lane_order_ &&
-        (lane_order_->GapBetween(frame, first, second) || lane_order_->GapBetween(frame, second, first)))
-      return;
+    // Who follows along the lanes is measured along them.
+    if (!contact && in_line()) return;
     ClosePair pair = {frame.vehicle_number[first],
                       frame.vehicle_number[second],
                       static_cast<std::int32_t>(first),
                       static_cast<std::int32_t>(second),
-                      *ttc,
+                      meeting->ttc,
                       depth,
                       0.0,
                       kNoTtc,
                       0.0,
                       EncounterType::kFollowing,
                       false};
-    if (level_ == SafetyLevel::kFull && !MeasureInPlane(frame, &pair)) return;
+    if (level_ == SafetyLevel::kFull) MeasureInPlane(frame, *meeting, &pair);
     found->push_back(pair);
   });
 }
 
-/// DRAC, MTTC, closing speed, type and ego of a pair on collision course in the plane. False: it is none,
-/// they follow lanes that keep them apart.
-bool SafetyMonitor::MeasureInPlane(const TrafficFrame& frame, ClosePair* pair) const {
+std::optional<SafetyMonitor::Meeting> SafetyMonitor::MeetStraight(const MovingBox& a,
+                                                                  const MovingBox& b) const {
+  const std::optional<double> ttc = TimeToContact(a, b, horizon_);
+  return ttc ? std::optional<Meeting>({*ttc, a, b}) : std::nullopt;
+}
+
+/// Both ways in the plane, cut into pieces of straight motion.
+std::optional<SafetyMonitor::Meeting> SafetyMonitor::MeetOnLanes(const TrafficFrame& frame, std::size_t i,
+                                                                 std::size_t j) const {
+  const double period = horizon_ / kPieces;
+  std::array<BoxPose, kPieces + 1> poses_i, poses_j;
+  const auto predict = [&](std::size_t row, std::span<BoxPose> poses) {
+    const Body& body = bodies_[row];
+    if (body.turns) return lane_motion_->Follow(frame, row, period, poses);
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+      const double time = period * static_cast<double>(k);
+      poses[k] = {{body.x + time * body.vx, body.y + time * body.vy}, {body.ux, body.uy}};
+    }
+  };
+  predict(i, poses_i);
+  predict(j, poses_j);
+  const double radius = bodies_[i].radius + bodies_[j].radius;
+  const auto distance = [&](std::size_t k) {
+    return std::hypot(poses_i[k].center.x - poses_j[k].center.x, poses_i[k].center.y - poses_j[k].center.y);
+  };
+  const auto piece = [&](std::size_t row, std::span<const BoxPose> poses, std::size_t k) {
+    const Point2 from = poses[k].center, to = poses[k + 1].center;
+    Point2 u = poses[k].u;
+    if (k > 0) {  // The heading halfway; at first the true one, or those side by side might touch.
+      u = {u.x + poses[k + 1].u.x, u.y + poses[k + 1].u.y};
+      const double norm = std::hypot(u.x, u.y);
+      u = norm > 0.0 ? Point2{u.x / norm, u.y / norm} : poses[k].u;
+    }
+    return MovingBox{from, {(to.x - from.x) / period, (to.y - from.y) / period}, u, bodies_[row].half_length,
+                     bodies_[row].half_width};
+  };
+  double near = distance(0);
+  for (std::size_t k = 0; k < kPieces; ++k) {
+    // Between two moments they come no closer than the mean of both distances less half of what changes.
+    const double far = distance(k + 1);
+    const MovingBox a = piece(i, poses_i, k), b = piece(j, poses_j, k);
+    const double relative = period * std::hypot(a.velocity.x - b.velocity.x, a.velocity.y - b.velocity.y);
+    const bool apart = 0.5 * (near + far - relative) > radius;
+    near = far;
+    if (apart) continue;
+    const std::optional<double> contact = TimeToContact(a, b, period);
+    if (!contact) continue;
+    const double begin = period * static_cast<double>(k);
+    if (begin + *contact == 0.0) return Meeting{0.0, BoxOf(i), BoxOf(j)};
+    const auto straightened = [begin](MovingBox box) {
+      box.center.x -= begin * box.velocity.x;
+      box.center.y -= begin * box.velocity.y;
+      return box;
+    };
+    return Meeting{begin + *contact, straightened(a), straightened(b)};
+  }
+  return std::nullopt;
+}
+
+/// DRAC, MTTC, closing speed, type and ego of a pair on collision course in the plane, from the motion with
+/// which they would meet.
+void SafetyMonitor::MeasureInPlane(const TrafficFrame& frame, const Meeting& meeting, ClosePair* pair) const {
   constexpr double kTimesSeen = 30.0;  // [s] DRAC is decided within 2 TTC, and stopping takes little longer.
   const auto i = static_cast<std::size_t>(pair->first_row), j = static_cast<std::size_t>(pair->second_row);
-  const Body &a = bodies_[i], &b = bodies_[j];
-  const double wx = b.vx - a.vx, wy = b.vy - a.vy;
+  const MovingBox &a = meeting.a, &b = meeting.b;
+  const double wx = b.velocity.x - a.velocity.x, wy = b.velocity.y - a.velocity.y;
   pair->closing = std::hypot(wx, wy);
-  const LaneUser first = LaneUserAt(frame, i), second = LaneUserAt(frame, j);
+  LaneUser first = LaneUserAt(frame, i), second = LaneUserAt(frame, j);
+  if (bodies_[i].turns) first.heading = std::atan2(a.u.y, a.u.x);
+  if (bodies_[j].turns) second.heading = std::atan2(b.u.y, b.u.x);
   pair->type = ClassifyMeeting(network_, first, second);
-  const bool beside = pair->type == EncounterType::kSideSwipe || pair->type == EncounterType::kOncoming;
-  if (beside && network_ != nullptr && pair->depth <= params_.contact_depth &&
-      KeepApart(*network_, first, second, pair->ttc))
-    return false;
-  const ConflictRegion region = FindConflictRegion(BoxOf(i), BoxOf(j), kTimesSeen, kTimesSeen);
+  const ConflictRegion region = FindConflictRegion(a, b, kTimesSeen, kTimesSeen);
   double first_entry = kNoTtc, second_entry = kNoTtc;
   for (std::size_t k = 0; k < region.size; ++k) {
     first_entry = std::min(first_entry, region.corner[k].a);
     second_entry = std::min(second_entry, region.corner[k].b);
   }
   pair->ego_is_first = first_entry > second_entry;
-  if (pair->ttc <= 0.0) return true;  // They touch: too late to brake.
-  pair->drac = DecelerationToAvoid(region, std::hypot(a.vx, a.vy), std::hypot(b.vx, b.vy)).value_or(0.0);
-  if (pair->closing > 0.0) {
-    const double ax = frame.accel[j] * b.ux - frame.accel[i] * a.ux;
-    const double ay = frame.accel[j] * b.uy - frame.accel[i] * a.uy;
-    const double closing_accel = (ax * wx + ay * wy) / pair->closing;
-    pair->mttc =
-        ModifiedTimeToCollision(pair->closing * pair->ttc, pair->closing, closing_accel).value_or(kNoTtc);
-  }
-  return true;
+  if (pair->ttc <= 0.0) return;  // They touch: too late to brake.
+  pair->drac = DecelerationToAvoid(region, std::hypot(a.velocity.x, a.velocity.y),
+                                   std::hypot(b.velocity.x, b.velocity.y))
+                   .value_or(0.0);
+  if (pair->closing <= 0.0) return;
+  const double ax = frame.accel[j] * b.u.x - frame.accel[i] * a.u.x;
+  const double ay = frame.accel[j] * b.u.y - frame.accel[i] * a.u.y;
+  const double closing_accel = (ax * wx + ay * wy) / pair->closing;
+  pair->mttc =
+      ModifiedTimeToCollision(pair->closing * pair->ttc, pair->closing, closing_accel).value_or(kNoTtc);
 }
 
 /// All that row i follows along its lanes and gains on, beyond a threshold.
@@ -396,6 +477,33 @@ MovingBox SafetyMonitor::BoxOf(std::size_t row) const {
 
 Footprint SafetyMonitor::FootprintOf(const TrafficFrame& frame, std::size_t row) const {
   return {{frame.x[row], frame.y[row], frame.heading[row]}, frame.length[row], frame.width[row]};
+}
+
+/// Are the two at the same time in the same place, roughly? Else they cannot meet.
+bool SafetyMonitor::MayMeetOnLanes(std::size_t i, std::size_t j) const {
+  const double window = horizon_ / kWindows;
+  const auto center = [&](std::size_t row, std::size_t k) -> Point2 {
+    const Body& body = bodies_[row];
+    if (body.turns) return outlines_[row].pose[k].center;
+    const double time = window * static_cast<double>(k);
+    return {body.x + time * body.vx, body.y + time * body.vy};
+  };
+  const auto radius = [&](std::size_t row) {
+    const Body& body = bodies_[row];
+    return body.turns ? outlines_[row].radius
+                      : body.radius + 0.5 * window * std::sqrt(body.vx * body.vx + body.vy * body.vy);
+  };
+  const double reach = radius(i) + radius(j);
+  Point2 a = center(i, 0), b = center(j, 0);
+  for (std::size_t k = 1; k <= kWindows; ++k) {
+    const Point2 next_a = center(i, k), next_b = center(j, k);
+    const double dx = 0.5 * (b.x + next_b.x - a.x - next_a.x);
+    const double dy = 0.5 * (b.y + next_b.y - a.y - next_a.y);
+    if (dx * dx + dy * dy <= reach * reach) return true;
+    a = next_a;
+    b = next_b;
+  }
+  return false;
 }
 
 /// Cheap necessary conditions for contact within the horizon; most neighbors fail one.

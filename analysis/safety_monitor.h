@@ -1,9 +1,11 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -15,6 +17,7 @@
 #include "analysis/conflict_geometry.h"
 #include "analysis/encounter.h"
 #include "analysis/encroachment_watch.h"
+#include "analysis/lane_motion.h"
 #include "analysis/lane_order.h"
 #include "analysis/safety_params.h"
 #include "analysis/traffic_frame.h"
@@ -46,7 +49,8 @@ struct Contact {
 
 /// Watches all pairs of road users on their true 2-D poses: who touches whom, and who comes close in time.
 /// Pairs that follow each other along their lanes are measured along them, as SUMO's device.ssm does; all
-/// others by their boxes in the plane, each keeping velocity and heading. Pedestrian pairs and pairs both
+/// others by their boxes in the plane, each keeping its speed and going on along its lanes, straight where it has
+/// none. Pedestrian pairs and pairs both
 /// standing at planned stops are no traffic conflict: skipped. The result does not depend on the number of
 /// threads nor on the order of the rows.
 class SafetyMonitor {
@@ -89,6 +93,19 @@ class SafetyMonitor {
     double ux, uy;                   // Unit vector of the heading.
     double half_length, half_width;  // [m]
     double radius;                   // [m] of the circumscribed circle.
+    bool turns;                      // Its lanes take it elsewhere than straight on.
+  };
+  static constexpr std::size_t kWindows = 3;  // Parts of the horizon in which turning ones are searched.
+  static constexpr std::size_t kPieces = 15;  // Of straight motion, of which a turning one's is made: 0.2 s.
+  /// Where a turning one will be at the ends of the windows.
+  struct Outline {
+    std::array<BoxPose, kWindows + 1> pose;
+    double radius;  // [m] of the circle around all that it sweeps within one.
+  };
+  /// Two on collision course, moving straight as they do at the first touch: they will come to it in `ttc` [s].
+  struct Meeting {
+    double ttc;
+    MovingBox a, b;
   };
   /// A pair beyond a threshold in this step.
   struct ClosePair {
@@ -117,7 +134,10 @@ class SafetyMonitor {
   void FindClosePairs(const TrafficFrame& frame);
   void FindPartners(const TrafficFrame& frame, std::size_t i, std::vector<ClosePair>* found) const;
   void FindLeaders(const TrafficFrame& frame, std::size_t i, std::vector<ClosePair>* found) const;
-  bool MeasureInPlane(const TrafficFrame& frame, ClosePair* pair) const;
+  std::optional<Meeting> MeetStraight(const MovingBox& a, const MovingBox& b) const;
+  std::optional<Meeting> MeetOnLanes(const TrafficFrame& frame, std::size_t i, std::size_t j) const;
+  void MeasureInPlane(const TrafficFrame& frame, const Meeting& meeting, ClosePair* pair) const;
+  bool MayMeetOnLanes(std::size_t i, std::size_t j) const;
   bool MayTouch(const Body& a, const Body& b) const;
   MovingBox BoxOf(std::size_t row) const;
   Footprint FootprintOf(const TrafficFrame& frame, std::size_t row) const;
@@ -136,13 +156,15 @@ class SafetyMonitor {
   SafetyLevel level_;
   double horizon_;  // [s] within which contact is searched.
   SpatialGrid grid_{25.0};
-  std::unique_ptr<LaneOrder> lane_order_;  // Null without a network.
+  std::unique_ptr<LaneOrder> lane_order_;  // Null without a network; so is the next.
+  std::unique_ptr<LaneMotion> lane_motion_;
   EncroachmentWatch encroachments_;
   double step_length_{0.0};  // [s] between the last two frames.
   double last_time_{0.0};
   bool observed_{false};
   std::vector<Sweep> sweeps_;
   std::vector<Body> bodies_;
+  std::vector<Outline> outlines_;          // Of turning ones only.
   std::vector<double> sweep_x_, sweep_y_;  // The grid's columns.
   std::vector<std::int32_t> row_of_;       // By vehicle number; kNone: not in the frame.
   std::vector<std::vector<ClosePair>> found_by_thread_;

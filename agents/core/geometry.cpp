@@ -1,6 +1,7 @@
 #include "agents/core/geometry.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -94,33 +95,6 @@ double Distance(const Footprint& a, const Footprint& b) {
   if (PenetrationDepth(box_a, box_b) >= 0.0) return 0.0;
   // Two disjoint convex polygons are nearest at a corner of at least one of them.
   return std::sqrt(std::min(CornerDistanceSquared(box_a, box_b), CornerDistanceSquared(box_b, box_a)));
-}
-
-std::optional<double> TimeToContact(const Footprint& a, Point2 velocity_a, const Footprint& b,
-                                    Point2 velocity_b, double horizon) {
-  const Box box_a = MakeBox(a);
-  const Box box_b = MakeBox(b);
-  const Axes axes = SeparatingAxes(box_a, box_b);
-  const Point2 d{box_b.center.x - box_a.center.x, box_b.center.y - box_a.center.y};
-  const Point2 v{velocity_b.x - velocity_a.x, velocity_b.y - velocity_a.y};
-  // The boxes touch while their projections overlap on all axes: intersect the intervals in time.
-  double enter = 0.0;
-  double leave = horizon;
-  for (std::size_t k = 0; k < axes.axis.size(); ++k) {
-    const double position = Dot(d, axes.axis[k]);
-    const double rate = Dot(v, axes.axis[k]);
-    const double reach = axes.reach[k];
-    if (rate == 0.0) {
-      if (std::abs(position) > reach) return std::nullopt;
-      continue;
-    }
-    const double t1 = (-reach - position) / rate;
-    const double t2 = (reach - position) / rate;
-    enter = std::max(enter, std::min(t1, t2));
-    leave = std::min(leave, std::max(t1, t2));
-    if (enter > leave) return std::nullopt;
-  }
-  return enter;
 }
 
 }  // namespace lanewise

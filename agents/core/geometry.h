@@ -1,8 +1,5 @@
 #pragma once
 
-#include <array>
-#include <optional>
-
 #include "agents/core/types.h"
 
 namespace lanewise {
@@ -24,10 +21,5 @@ double PenetrationDepth(const Footprint& a, const Footprint& b);
 
 /// Exact distance of two boxes' outlines [m]; 0 when they overlap.
 double Distance(const Footprint& a, const Footprint& b);
-
-/// When two boxes that keep their velocity [m/s, world] and heading first touch: seconds from now in
-/// [0, horizon], or nothing. Separating axes swept in time: exact for that motion.
-std::optional<double> TimeToContact(const Footprint& a, Point2 velocity_a, const Footprint& b,
-                                    Point2 velocity_b, double horizon);
 
 }  // namespace lanewise

@@ -6,18 +6,18 @@
 #include <filesystem>
 #include <vector>
 
-#include "agents/core/geometry.h"
+#include "analysis/conflict_geometry.h"
 #include "analysis/results_file.h"
 
 namespace lanewise {
 namespace {
 
 void BM_TimeToContact(benchmark::State& state) {
-  const Footprint a{{0.0, 0.0, 0.0}, 4.8, 1.8};
-  Footprint b{{20.0, 1.0, 0.1}, 4.8, 1.8};
+  const MovingBox a = BoxOf({{0.0, 0.0, 0.0}, 4.8, 1.8}, {12.0, 0.0});
+  MovingBox b = BoxOf({{20.0, 1.0, 0.1}, 4.8, 1.8}, {5.0, 0.2});
   for (auto _ : state) {
     benchmark::DoNotOptimize(b);
-    benchmark::DoNotOptimize(TimeToContact(a, {12.0, 0.0}, b, {5.0, 0.2}, 3.0));
+    benchmark::DoNotOptimize(TimeToContact(a, b, 3.0));
   }
 }
 BENCHMARK(BM_TimeToContact);

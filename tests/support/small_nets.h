@@ -1,9 +1,12 @@
 #pragma once
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "agents/network/road_network.h"
 #include "tests/support/temporary_folder.h"
@@ -89,20 +92,32 @@ inline RoadNetwork ForkNet() {
   </net>)");
 }
 
-/// Edge "bend": one lane on a left-hand arc of `radius` [m] through `angle` [rad], from (0, 0) eastward.
-inline RoadNetwork BendNet(double radius, double angle) {
-  std::string shape;
+/// Points of a left-hand arc of `radius` [m] about (0, center_y), through `angle` [rad] from due south of it, 1 m apart.
+inline std::vector<std::string> ArcPoints(double radius, double center_y, double angle) {
+  std::vector<std::string> points;
   const int pieces = static_cast<int>(std::ceil(radius * angle));
   for (int k = 0; k <= pieces; ++k) {
     const double a = angle * k / pieces;
-    shape += fmt::format("{:.6f},{:.6f} ", radius * std::sin(a), radius * (1.0 - std::cos(a)));
+    points.push_back(fmt::format("{:.6f},{:.6f}", radius * std::sin(a), center_y - radius * std::cos(a)));
   }
-  return LoadNetText(fmt::format(
-      R"(<net version="1.9"><edge id="bend" from="A" to="B">
-      <lane id="bend_0" index="0" speed="13.89" length="{:.3f}" shape="{}"/></edge>
-      <junction id="A" type="dead_end" incLanes="" intLanes=""/>
+  return points;
+}
+
+/// Edge "bend": one lane on a left-hand arc of `radius` [m] through `angle` [rad], from (0, 0) eastward. With
+/// `two_way` edge "back" leads the other way, on its right.
+inline RoadNetwork BendNet(double radius, double angle, bool two_way = false) {
+  const std::vector<std::string> points = ArcPoints(radius, radius, angle);
+  std::vector<std::string> back = ArcPoints(radius + kLaneWidth, radius, angle);
+  std::reverse(back.begin(), back.end());
+  const std::string edge =
+      R"(<edge id="{0}" from="{1}" to="{2}"><lane id="{0}_0" index="0" speed="13.89" length="{3:.3f}" shape="{4}"/></edge>)";
+  std::string edges = fmt::format(fmt::runtime(edge), "bend", "A", "B", radius * angle, fmt::join(points, " "));
+  if (two_way)
+    edges += fmt::format(fmt::runtime(edge), "back", "B", "A", (radius + kLaneWidth) * angle, fmt::join(back, " "));
+  return LoadNetText(fmt::format(R"(<net version="1.9">{}
+      <junction id="A" type="dead_end" incLanes="{}" intLanes=""/>
       <junction id="B" type="dead_end" incLanes="bend_0" intLanes=""/></net>)",
-      radius * angle, shape));
+                                 edges, two_way ? "back_0" : ""));
 }
 
 }  // namespace lanewise

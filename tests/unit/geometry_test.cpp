@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <random>
+
+#include "analysis/conflict_geometry.h"
 
 namespace lanewise {
 namespace {
@@ -15,6 +18,11 @@ constexpr double kPi = std::numbers::pi;
 /// A car 4 m long and 2 m wide with its front bumper at (x, y).
 Footprint Car(double x, double y, double heading = 0.0) {
   return {{x, y, heading}, 4.0, 2.0};
+}
+
+std::optional<double> TimeToContact(const Footprint& a, Point2 velocity_a, const Footprint& b,
+                                    Point2 velocity_b, double horizon) {
+  return lanewise::TimeToContact(BoxOf(a, velocity_a), BoxOf(b, velocity_b), horizon);
 }
 
 TEST(WrapAngle, IsPeriodicAndKeepsTheEnds) {

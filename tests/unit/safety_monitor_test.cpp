@@ -318,6 +318,55 @@ TEST(SafetyMonitor, FollowersAreFoundAcrossJunctions) {
   EXPECT_NEAR(encounters[0].min_ttc, 2.5, 1e-9);
 }
 
+TEST(SafetyMonitor, OncomingOnesOnABendFollowTheirLanesPastEachOther) {
+  // 30 m apart on arcs of 30 and 33.2 m: straight on, the outer one would run into the inner one's way.
+  const RoadNetwork network = BendNet(30.0, 1.5, /*two_way=*/true);
+  const auto at = [](double radius, double a, double turn) {
+    return Mover{.x = radius * std::sin(a),
+                 .y = 30.0 - radius * std::cos(a),
+                 .heading = a + turn,
+                 .speed = 10.0};
+  };
+  const TrafficFrame straight = FrameOf({at(30.0, 0.4, 0.0), at(30.0 + kLaneWidth, 1.3, kPi)}, 0);
+  TrafficFrame frame = straight;
+  PutOnLane(network, 0, {"bend_0"}, 30.0 * 0.4, &frame);
+  PutOnLane(network, 1, {"back_0"}, (30.0 + kLaneWidth) * 0.2, &frame);
+  EXPECT_EQ(WatchFrames(network, {straight}).size(), 1u);  // Lanes unknown.
+  EXPECT_TRUE(WatchFrames(network, {frame}).empty());
+}
+
+TEST(SafetyMonitor, TurningAcrossAnOncomingOneIsACrossing) {
+  // Along an arc of 10 m radius at 5 m/s, through the way of one who comes straight at it on the next lane: at
+  // present they would pass each other by. Expected: both moved on in small steps.
+  constexpr double kRadius = 10.0, kSpeed = 5.0, kOncomingSpeed = 10.0, kOncomingX = 26.0;
+  const RoadNetwork network = BendNet(kRadius, 1.5);
+  const auto on_arc = [&](double s) {  // Both bumpers on the arc, as SUMO draws it.
+    const auto point = [&](double at) {
+      const double a = at / kRadius;
+      return a < 0.0 ? Point2{at, 0.0} : Point2{kRadius * std::sin(a), kRadius * (1.0 - std::cos(a))};
+    };
+    const Point2 front = point(s), rear = point(s - 5.0);
+    return Footprint{{front.x, front.y, std::atan2(front.y - rear.y, front.x - rear.x)}, 5.0, 2.0};
+  };
+  double expected = 0.0;
+  while (PenetrationDepth(on_arc(5.0 + kSpeed * expected),
+                          {{kOncomingX - kOncomingSpeed * expected, kLaneWidth, kPi}, 5.0, 2.0}) <= 0.0)
+    expected += 1e-4;
+
+  const Footprint turning = on_arc(5.0);
+  TrafficFrame frame = FrameOf(
+      {{.x = turning.front.x, .y = turning.front.y, .heading = turning.front.heading, .speed = kSpeed},
+       {.x = kOncomingX, .y = kLaneWidth, .heading = kPi, .speed = kOncomingSpeed}},
+      0);
+  PutOnLane(network, 0, {"bend_0"}, 5.0, &frame);
+  const std::vector<Encounter> encounters = WatchFrames(network, {frame});
+  ASSERT_EQ(encounters.size(), 1u);
+  EXPECT_NEAR(encounters[0].min_ttc, expected, 0.03);
+  EXPECT_GT(encounters[0].min_ttc, 0.5);
+  EXPECT_EQ(encounters[0].type, EncounterType::kCrossing);
+  EXPECT_GT(encounters[0].max_drac, 0.0);
+}
+
 TEST(SafetyMonitor, WhoKeepsItsLaneBesideAnotherIsNoConflictUntilItLeavesIt) {
   // Headings 0.1 rad towards each other, as on a bend: in straight lines they would touch.
   const RoadNetwork network = ChainNet(1, 2, 500.0);
@@ -325,6 +374,7 @@ TEST(SafetyMonitor, WhoKeepsItsLaneBesideAnotherIsNoConflictUntilItLeavesIt) {
     TrafficFrame frame = FrameOf({{.x = 100.0, .heading = 0.1, .speed = 10.0},
                                   {.x = 102.0, .y = kLaneWidth, .heading = -0.1, .speed = 10.0}},
                                  0);
+    frame.y[0] = lateral_offset;
     PutOnLane(network, 0, {"e0_0"}, 100.0, &frame);
     PutOnLane(network, 1, {"e0_1"}, 102.0, &frame);
     frame.lateral_speed[0] = lateral_speed;
@@ -335,7 +385,7 @@ TEST(SafetyMonitor, WhoKeepsItsLaneBesideAnotherIsNoConflictUntilItLeavesIt) {
   const std::vector<Encounter> swerving = run(1.0, 0.0);
   ASSERT_EQ(swerving.size(), 1u);
   EXPECT_EQ(swerving[0].type, EncounterType::kSideSwipe);
-  const std::vector<Encounter> across = run(0.0, 0.8);  // 0.8 + 1 m reach beyond 1.6 m.
+  const std::vector<Encounter> across = run(0.3, 0.8);  // 0.8 + 1 m reach beyond 1.6 m.
   ASSERT_EQ(across.size(), 1u);
   EXPECT_EQ(across[0].type, EncounterType::kStraddling);
 }
@@ -485,7 +535,7 @@ TEST(SafetyMonitor, FindsThePairsThatBruteForceFinds) {
         if (i == j) continue;
         const auto [a, b] = std::minmax(i, j);
         const auto ttc =
-            TimeToContact(box(a), {frame.vx[a], frame.vy[a]}, box(b), {frame.vx[b], frame.vy[b]}, 3.0);
+            TimeToContact(BoxOf(box(a), {frame.vx[a], frame.vy[a]}), BoxOf(box(b), {frame.vx[b], frame.vy[b]}), 3.0);
         if (ttc && *ttc < 3.0) least = std::min(least, *ttc);
       }
       EXPECT_EQ(monitor.row_ttc()[i], least) << "row " << i << " step " << k;
