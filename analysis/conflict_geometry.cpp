@@ -91,7 +91,10 @@ double DecelerationBehind(const ConflictRegion& region, double speed, Times&& ti
 MovingBox BoxOf(const Footprint& f, Point2 velocity) {
   const Point2 u{std::cos(f.front.heading), std::sin(f.front.heading)};
   const double half_length = 0.5 * f.length;
-  return {{f.front.x - half_length * u.x, f.front.y - half_length * u.y}, velocity, u, half_length,
+  return {{f.front.x - half_length * u.x, f.front.y - half_length * u.y},
+          velocity,
+          u,
+          half_length,
           0.5 * f.width};
 }
 

@@ -12,17 +12,17 @@ namespace lanewise {
 namespace {
 
 constexpr std::size_t kMinParallelRows = 2048;  // As in safety_monitor.cpp.
-constexpr double kLeastPath = 0.05;  // [m] who moved less in a block did not come anywhere.
+constexpr double kLeastPath = 0.05;             // [m] who moved less in a block stood.
 constexpr double kLargestJump =
     1.5;  // [m] beyond what the speed explains: put elsewhere by SUMO, not driven.
 
 }  // namespace
 
-void EncroachmentWatch::Observe(const TrafficFrame& frame) {
+void EncroachmentWatch::Observe(const TrafficFrame& frame, std::span<const BoxPose> poses) {
   found_.clear();
   if (threshold_ <= 0.0) return;
   step_length_ = steps_ > 0 ? frame.time - last_time_ : 0.0;
-  AddStep(frame);
+  AddStep(frame, poses);
   last_time_ = frame.time;
   const auto steps_of_block =
       step_length_ > 0.0 ? std::max<std::int64_t>(1, std::llround(kBlockTime / step_length_)) : 1;
@@ -31,21 +31,20 @@ void EncroachmentWatch::Observe(const TrafficFrame& frame) {
   ++steps_;
 }
 
-void EncroachmentWatch::AddStep(const TrafficFrame& frame) {
+void EncroachmentWatch::AddStep(const TrafficFrame& frame, std::span<const BoxPose> poses) {
   for (std::size_t i = 0; i < frame.size(); ++i) {
     const auto number = static_cast<std::size_t>(frame.vehicle_number[i]);
     if (number >= last_pose_.size()) {
       last_pose_.resize(number + 1, {0.0, 0.0, -std::numeric_limits<double>::infinity()});
       slot_of_.resize(number + 1, kNone);
     }
-    const Point2 u{std::cos(frame.heading[i]), std::sin(frame.heading[i])};
-    const double half_length = 0.5 * frame.length[i];
-    const Point2 center{frame.x[i] - half_length * u.x, frame.y[i] - half_length * u.y};
+    const Point2 center = poses[i].center;
     LastPose& last = last_pose_[number];
     const double dx = center.x - last.x, dy = center.y - last.y;
     const bool seen = steps_ > 0 && last.time == last_time_;
     const LastPose before = std::exchange(last, {center.x, center.y, frame.time});
-    if (!seen || std::hypot(dx, dy) > frame.speed[i] * step_length_ + kLargestJump) continue;
+    const double farthest = frame.speed[i] * step_length_ + kLargestJump;
+    if (!seen || dx * dx + dy * dy > farthest * farthest) continue;
     if (slot_of_[number] == kNone) {
       slot_of_[number] = static_cast<std::int32_t>(filled_);
       if (filled_ == filling_.size()) filling_.emplace_back();
@@ -57,8 +56,8 @@ void EncroachmentWatch::AddStep(const TrafficFrame& frame) {
         {before.time,
          {{before.x, before.y},
           {dx / step_length_, dy / step_length_},
-          u,
-          half_length,
+          poses[i].u,
+          0.5 * frame.length[i],
           0.5 * frame.width[i]}});
   }
 }
@@ -78,6 +77,13 @@ void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
     const auto number = static_cast<std::size_t>(frame.vehicle_number[i]);
     if (slot_of_[number] == kNone) continue;
     const Filling& filling = filling_[static_cast<std::size_t>(slot_of_[number])];
+    double path_length = 0.0;
+    for (const Piece& piece : filling.pieces) {
+      const Point2 v = piece.box.velocity;
+      path_length += step_length_ * std::sqrt(v.x * v.x + v.y * v.y);
+    }
+    // Who stands comes nowhere, and what it leaves, it leaves when it drives off.
+    if (path_length < kLeastPath) continue;
     Trail trail{};
     trail.number = frame.vehicle_number[i];
     trail.first_piece = static_cast<std::uint32_t>(block.pieces.size());
@@ -98,7 +104,6 @@ void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
         right = std::min(right, aside - half_width);
         left = std::max(left, aside + half_width);
       }
-      trail.path_length += step_length_ * std::hypot(box.velocity.x, box.velocity.y);
     }
     const double ahead = 0.5 * (back + front), aside = 0.5 * (right + left);
     trail.sweep = {{u.x * ahead - u.y * aside, u.y * ahead + u.x * aside},
@@ -106,7 +111,8 @@ void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
                    u,
                    0.5 * (front - back),
                    0.5 * (left - right)};
-    trail.radius = std::hypot(trail.sweep.half_length, trail.sweep.half_width);
+    const MovingBox& sweep = trail.sweep;
+    trail.radius = std::sqrt(sweep.half_length * sweep.half_length + sweep.half_width * sweep.half_width);
     trail.pedestrian = frame.pedestrian[i] != 0;
     trail.planned_stop = frame.planned_stop[i] != 0;
     trail.agent = frame.agent_driven[i] != 0;
@@ -154,7 +160,6 @@ void EncroachmentWatch::CloseBlock(const TrafficFrame& frame) {
 }
 
 void EncroachmentWatch::FindEncroachments(const Trail& later, std::vector<Encroachment>* found) const {
-  if (later.path_length < kLeastPath) return;
   const Point2 here = later.sweep.center;
   grid_.ForEachNear(here.x, here.y, later.radius + max_radius_, [&](AgentIndex item) {
     const auto [b, k] = grid_items_[static_cast<std::size_t>(item)];
@@ -162,7 +167,7 @@ void EncroachmentWatch::FindEncroachments(const Trail& later, std::vector<Encroa
     if (earlier.number == later.number || AreApart(earlier.sweep, later.sweep)) return;
     if ((earlier.pedestrian && later.pedestrian) || (earlier.planned_stop && later.planned_stop)) return;
     const LaneUser &a = earlier.lanes, &c = later.lanes;
-    if (IsOnWayOf(c, a) || IsOnWayOf(a, c)) return;  // In line;
+    if (IsOnWayOf(c, a) || IsOnWayOf(a, c)) return;   // In line;
     if (a.lane != kNone && a.lane == c.lane) return;  // so too when they came from different lanes.
     // The earlier one's tail, or all of it, has turned off the way both had.
     if (a.rear != kNone && (a.rear == c.lane || a.rear == c.behind)) return;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "agents/network/road_network.h"
 #include "agents/sensing/spatial_grid.h"
 #include "analysis/conflict_geometry.h"
+#include "analysis/lane_motion.h"
 #include "analysis/lane_order.h"
 #include "analysis/traffic_frame.h"
 
@@ -39,8 +41,8 @@ class EncroachmentWatch {
   EncroachmentWatch(const RoadNetwork* network, double threshold)
       : network_(network), threshold_(threshold) {}
 
-  /// Call once per step, in order of time.
-  void Observe(const TrafficFrame& frame);
+  /// Call once per step, in order of time. `poses`: of the frame's boxes.
+  void Observe(const TrafficFrame& frame, std::span<const BoxPose> poses);
 
   /// Encroachments found by the last Observe, in order of earlier, later; empty within a block.
   const std::vector<Encroachment>& found() const { return found_; }
@@ -52,9 +54,8 @@ class EncroachmentWatch {
   struct Trail {
     std::int32_t number;
     std::uint32_t first_piece, pieces;  // In Block::pieces: one a step.
-    MovingBox sweep;     // Box around all that its own sweeps, along its last heading; at rest.
-    double radius;       // [m] of the circle around that, for the grid.
-    double path_length;  // [m]
+    MovingBox sweep;  // Box around all that its own sweeps, along its last heading; at rest.
+    double radius;    // [m] of the circle around that, for the grid.
     bool pedestrian, planned_stop, agent;
     double speed;
     LaneUser lanes;  // At the end of the block.
@@ -73,7 +74,7 @@ class EncroachmentWatch {
     double time;  // [s]
   };
 
-  void AddStep(const TrafficFrame& frame);
+  void AddStep(const TrafficFrame& frame, std::span<const BoxPose> poses);
   void CloseBlock(const TrafficFrame& frame);
   void FindEncroachments(const Trail& later, std::vector<Encroachment>* found) const;
   /// The least time gap of the two, if it is below the threshold and they do not touch.

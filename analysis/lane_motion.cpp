@@ -79,6 +79,20 @@ LaneMotion::LaneMotion(const RoadNetwork& network) : network_(network) {
     }
   }
   start_.push_back(static_cast<std::uint32_t>(points_.size()));
+  const auto direction = [](const LinePoint& p, const LinePoint& q) {
+    const double length = std::hypot(q.x - p.x, q.y - p.y);
+    return Point2{(q.x - p.x) / length, (q.y - p.y) / length};
+  };
+  for (std::size_t lane = 0; lane < network.lanes.size(); ++lane) {
+    const auto line = Line(static_cast<LaneIndex>(lane));
+    first_direction_.push_back(line.empty() ? Point2{} : direction(line[0], line[1]));
+    last_direction_.push_back(line.empty() ? Point2{} : direction(line[line.size() - 2], line.back()));
+  }
+}
+
+double LaneMotion::TurnedBetween(LaneIndex from, LaneIndex to) const {
+  const Point2 before = last_direction_[from], after = first_direction_[to];
+  return Dot(before, after) < 0.0 ? 1.0 : std::abs(Cross(before, after));
 }
 
 double LaneMotion::TurnedAt(LaneIndex lane, double s) const {
@@ -88,43 +102,44 @@ double LaneMotion::TurnedAt(LaneIndex lane, double s) const {
   return after == line.begin() ? 0.0 : (after - 1)->turned;
 }
 
-bool LaneMotion::Turns(const TrafficFrame& frame, std::size_t i, double seconds) const {
+bool LaneMotion::Turns(const TrafficFrame& frame, std::size_t i, const BoxPose& now, double seconds) const {
   const LanePath& path = frame.path[i];
-  if (path.lane[0] == kNone || frame.speed[i] <= 0.0 || Line(path.lane[0]).empty()) return false;
-  const auto line = Line(path.lane[0]);
+  const LaneIndex own = path.lane[0];
+  if (own == kNone || frame.speed[i] <= 0.0) return false;
+  const auto line = Line(own);
+  if (line.empty()) return false;
   const double front = frame.lane_pos[i], rear = front - frame.length[i];
+  const bool bends = line.back().turned > 0.0;
 
   // Out of line with the lane?
-  auto at = std::upper_bound(line.begin() + 1, line.end() - 1, front,
-                             [](double s, const LinePoint& p) { return s < p.s; });
-  const Point2 along{at->x - (at - 1)->x, at->y - (at - 1)->y};
-  const Point2 u{std::cos(frame.heading[i]), std::sin(frame.heading[i])};
-  const double aside = Cross(along, u), ahead = Dot(along, u);
+  Point2 along = first_direction_[own];
+  if (bends) {
+    const auto at = std::upper_bound(line.begin() + 1, line.end() - 1, front,
+                                     [](double s, const LinePoint& p) { return s < p.s; });
+    along = {at->x - (at - 1)->x, at->y - (at - 1)->y};
+  }
+  const double aside = Cross(along, now.u), ahead = Dot(along, now.u);
   if (ahead <= 0.0 || std::abs(aside) > kStraight * ahead) return true;
 
   // Bends, from the rear bumper on.
-  double turned = 0.0;
-  const auto joint = [this](LaneIndex from, LaneIndex to) {
-    const auto a = Line(from), b = Line(to);
-    if (a.empty() || b.empty()) return 0.0;
-    const LinePoint &p = a[a.size() - 2], &q = a.back();
-    return Angle({q.x - p.x, q.y - p.y}, {b[1].x - b[0].x, b[1].y - b[0].y});
-  };
-  if (rear < 0.0 && frame.lane_behind[i] != kNone) {
-    const LaneIndex behind = frame.lane_behind[i];
-    if (!Line(behind).empty())
-      turned += Line(behind).back().turned - TurnedAt(behind, network_.lanes[behind].length + rear);
-    turned += joint(behind, path.lane[0]);
-  }
-  double begin = std::max(0.0, rear), end = front + seconds * frame.speed[i];
-  for (std::size_t k = 0; k < LanePath::kLanes && path.lane[k] != kNone && turned <= kStraight; ++k) {
-    const LaneIndex lane = path.lane[k];
-    if (k > 0) turned += joint(path.lane[k - 1], lane);
-    if (!Line(lane).empty() && Line(lane).back().turned > 0.0)
-      turned += TurnedAt(lane, end) - TurnedAt(lane, begin);
+  double begin = rear, end = front + seconds * frame.speed[i], turned = 0.0;
+  if (rear < 0.0) {
     begin = 0.0;
-    end -= network_.lanes[lane].length;
+    const LaneIndex behind = frame.lane_behind[i];
+    if (behind != kNone) {
+      turned = TurnedBetween(behind, own);
+      const auto line_behind = Line(behind);
+      if (!line_behind.empty() && line_behind.back().turned > 0.0)
+        turned += line_behind.back().turned - TurnedAt(behind, network_.lanes[behind].length + rear);
+    }
+  }
+  if (bends) turned += TurnedAt(own, end) - TurnedAt(own, begin);
+  for (std::size_t k = 1; k < LanePath::kLanes && path.lane[k] != kNone && turned <= kStraight; ++k) {
+    end -= network_.lanes[path.lane[k - 1]].length;
     if (end <= 0.0) break;
+    turned += TurnedBetween(path.lane[k - 1], path.lane[k]);
+    if (const auto next = Line(path.lane[k]); !next.empty() && next.back().turned > 0.0)
+      turned += TurnedAt(path.lane[k], end);
   }
   return turned > kStraight;
 }
@@ -152,14 +167,13 @@ LaneMotion::Way LaneMotion::WayOf(const TrafficFrame& frame, std::size_t i, doub
   return way;
 }
 
-void LaneMotion::Follow(const TrafficFrame& frame, std::size_t i, double period,
+void LaneMotion::Follow(const TrafficFrame& frame, std::size_t i, const BoxPose& now, double period,
                         std::span<BoxPose> poses) const {
-  const Point2 u{std::cos(frame.heading[i]), std::sin(frame.heading[i])};
+  const Point2 center = now.center, u = now.u;
   const double length = frame.length[i], speed = frame.speed[i];
-  const Point2 center{frame.x[i] - 0.5 * length * u.x, frame.y[i] - 0.5 * length * u.y};
   const double aside = frame.lateral_speed[i];
   const double along = std::sqrt(std::max(0.0, speed * speed - aside * aside));
-  poses[0] = {center, u};
+  poses[0] = now;
 
   const double last = period * static_cast<double>(poses.size() - 1);
   const Way way = WayOf(frame, i, length + last * along);
@@ -169,7 +183,7 @@ void LaneMotion::Follow(const TrafficFrame& frame, std::size_t i, double period,
     const Point2 rear = way.At(way_driven, &rear_segment);
     const Point2 chord = Minus(way.At(way_driven + length, &front_segment), rear);
     const double chord_length = std::sqrt(Dot(chord, chord));
-    if (chord_length < kLeastSegment) return BoxPose{rear, u};  // The way turns on the spot.
+    if (chord_length < kLeastSegment) return BoxPose{rear, now.u};  // The way turns on the spot.
     return BoxPose{{rear.x + 0.5 * chord.x, rear.y + 0.5 * chord.y},
                    {chord.x / chord_length, chord.y / chord_length}};
   };

@@ -26,11 +26,13 @@ class LaneMotion {
 
   /// Does following its lanes for `seconds` take row i elsewhere than keeping its velocity and heading? That
   /// is, if these bend, or if it is not in line with them.
-  bool Turns(const TrafficFrame& frame, std::size_t i, double seconds) const;
+  /// `now` is the row's present pose.
+  bool Turns(const TrafficFrame& frame, std::size_t i, const BoxPose& now, double seconds) const;
 
-  /// Poses of the box of row i now and every `period` [s], as many as `poses` holds. The first is its present
-  /// one. A way that ends is extended straight.
-  void Follow(const TrafficFrame& frame, std::size_t i, double period, std::span<BoxPose> poses) const;
+  /// Poses of the box of row i now and every `period` [s], as many as `poses` holds. A way that ends is
+  /// extended straight.
+  void Follow(const TrafficFrame& frame, std::size_t i, const BoxPose& now, double period,
+              std::span<BoxPose> poses) const;
 
  private:
   struct LinePoint {
@@ -44,11 +46,14 @@ class LaneMotion {
     return {points_.data() + start_[lane], points_.data() + start_[lane + 1]};
   }
   double TurnedAt(LaneIndex lane, double s) const;
+  /// Sine of the angle [0, 1] at which two lanes meet; 1 beyond a right angle.
+  double TurnedBetween(LaneIndex from, LaneIndex to) const;
   Way WayOf(const TrafficFrame& frame, std::size_t i, double ahead) const;
 
   const RoadNetwork& network_;
   std::vector<std::uint32_t> start_;  // By lane, then the end: where its line begins in points_.
-  std::vector<LinePoint> points_;     // None, or two and more, a lane; never two at the same s.
+  std::vector<Point2> first_direction_, last_direction_;  // Unit vectors, by lane; 0 without a line.
+  std::vector<LinePoint> points_;  // None, or two and more, a lane; never two at the same s.
 };
 
 }  // namespace lanewise

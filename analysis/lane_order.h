@@ -28,8 +28,8 @@ LaneUser LaneUserAt(const TrafficFrame& frame, std::size_t row);
 /// Does b follow a: is all of a on lanes that b is on, has just left or is going to drive on?
 bool IsOnWayOf(const LaneUser& b, const LaneUser& a);
 
-/// How the ways of two road users that are not following each other along their lanes meet, from their lanes and
-/// their headings there.
+/// How the ways of two road users that are not following each other along their lanes meet, from their lanes
+/// and their headings there.
 EncounterType ClassifyMeeting(const RoadNetwork* network, const LaneUser& a, const LaneUser& b);
 
 /// Who is ahead of whom along the lanes: all rows of a frame by lane and position.

@@ -12,8 +12,10 @@
 namespace lanewise {
 namespace {
 
-constexpr std::size_t kMinParallelRows = 2048;  // Below, a busy machine loses more to waking a team than it saves.
-constexpr double kSlack = 0.5;  // [m] by which a way beside a lane may be longer than it, in the search.
+constexpr std::size_t kMinParallelRows =
+    2048;                            // Below, a busy machine loses more to waking a team than it saves.
+constexpr double kSlowRadius = 8.0;  // [m] of a sweep: about 3.5 m/s.
+constexpr double kSlack = 0.5;       // [m] by which a way beside a lane may be longer than it, in the search.
 constexpr double kNoTtc = std::numeric_limits<double>::infinity();
 
 std::uint64_t PairKey(std::int32_t first, std::int32_t second) {
@@ -52,9 +54,8 @@ Footprint Shifted(Footprint f, Point2 velocity, double seconds) {
 void RewindToFirstTouch(double step_length, TouchingVehicle* a, TouchingVehicle* b) {
   const Footprint before_a = Shifted(a->footprint, a->velocity, -step_length);
   const Footprint before_b = Shifted(b->footprint, b->velocity, -step_length);
-  const double touch =
-      TimeToContact(BoxOf(before_a, a->velocity), BoxOf(before_b, b->velocity), step_length)
-          .value_or(step_length);
+  const double touch = TimeToContact(BoxOf(before_a, a->velocity), BoxOf(before_b, b->velocity), step_length)
+                           .value_or(step_length);
   a->footprint = Shifted(before_a, a->velocity, touch);
   b->footprint = Shifted(before_b, b->velocity, touch);
 }
@@ -219,7 +220,7 @@ void SafetyMonitor::Observe(const TrafficFrame& frame) {
       }
       UpdateEncounter(frame, pair);
     }
-    encroachments_.Observe(frame);
+    encroachments_.Observe(frame, poses_);
     for (const Encroachment& encroachment : encroachments_.found()) UpdateEncroachment(frame, encroachment);
     UpdateOpenEncounters(frame);
   }
@@ -232,8 +233,7 @@ void SafetyMonitor::PrepareBodies(const TrafficFrame& frame) {
   bodies_.resize(rows);
   sweeps_.resize(rows);
   outlines_.resize(rows);
-  sweep_x_.resize(rows);
-  sweep_y_.resize(rows);
+  poses_.resize(rows);
   const double half_horizon = 0.5 * horizon_;
 #pragma omp parallel for schedule(static) if (rows >= kMinParallelRows)
   for (std::size_t i = 0; i < rows; ++i) {
@@ -248,24 +248,28 @@ void SafetyMonitor::PrepareBodies(const TrafficFrame& frame) {
     body.vx = frame.vx[i];
     body.vy = frame.vy[i];
     const double speed = std::sqrt(body.vx * body.vx + body.vy * body.vy);
-    body.turns = lane_motion_ && lane_motion_->Turns(frame, i, horizon_);
+    poses_[i] = {{body.x, body.y}, {body.ux, body.uy}};
+    body.turns = lane_motion_ && lane_motion_->Turns(frame, i, poses_[i], horizon_);
+    const auto row = static_cast<std::int32_t>(i);
     if (body.turns) {
       // A way lies within the circle around the middle between its ends, half as large as it is long.
       Outline& outline = outlines_[i];
-      lane_motion_->Follow(frame, i, horizon_ / kWindows, outline.pose);
+      lane_motion_->Follow(frame, i, poses_[i], horizon_ / kWindows, outline.pose);
       const double beside = std::abs(frame.lateral_offset[i]) + horizon_ * std::abs(frame.lateral_speed[i]);
       outline.radius = body.radius + 0.5 * horizon_ / kWindows * speed + beside + kSlack;
       const Point2 begin = outline.pose.front().center, end = outline.pose.back().center;
       sweeps_[i] = {0.5 * (begin.x + end.x), 0.5 * (begin.y + end.y),
-                    body.radius + half_horizon * speed + beside + kSlack};
+                    body.radius + half_horizon * speed + beside + kSlack, row};
     } else {
       sweeps_[i] = {body.x + half_horizon * body.vx, body.y + half_horizon * body.vy,
-                    body.radius + half_horizon * speed};
+                    body.radius + half_horizon * speed, row};
     }
-    sweep_x_[i] = sweeps_[i].x;
-    sweep_y_[i] = sweeps_[i].y;
   }
-  grid_.Build(sweep_x_, sweep_y_);
+  fast_.Clear();
+  slow_.Clear();
+  for (const Sweep& sweep : sweeps_) (sweep.radius > kSlowRadius ? fast_ : slow_).Add(sweep);
+  fast_.Build();
+  slow_.Build();
   row_of_.assign(row_of_.size(), kNone);
   for (std::size_t i = 0; i < rows; ++i) {
     const auto number = static_cast<std::size_t>(frame.vehicle_number[i]);
@@ -297,60 +301,92 @@ void SafetyMonitor::FindClosePairs(const TrafficFrame& frame) {
   });
 }
 
+void SafetyMonitor::SweepIndex::Clear() {
+  x.clear();
+  y.clear();
+  unsorted.clear();
+}
+
+void SafetyMonitor::SweepIndex::Add(const Sweep& sweep) {
+  x.push_back(sweep.x);
+  y.push_back(sweep.y);
+  unsorted.push_back(sweep);
+}
+
+void SafetyMonitor::SweepIndex::Build() {
+  grid.Build(x, y);
+  sweeps.resize(unsorted.size());
+  for (std::size_t slot = 0; slot < sweeps.size(); ++slot)
+    sweeps[slot] = unsorted[static_cast<std::size_t>(grid.items()[slot])];
+}
+
 /// Two road users can only touch within the horizon if the circles around their sweeps meet. The one with the
-/// larger circle looks for the other, within twice its radius: slow ones, the many in a jam, search little.
+/// larger circle looks for the other: slow ones, the many in a jam, search little.
 void SafetyMonitor::FindPartners(const TrafficFrame& frame, std::size_t i,
                                  std::vector<ClosePair>* found) const {
   const Sweep a = sweeps_[i];
-  grid_.ForEachNear(a.x, a.y, 2.0 * a.radius, [&](AgentIndex index) {
-    const auto j = static_cast<std::size_t>(index);
-    const Sweep b = sweeps_[j];
-    const double dx = b.x - a.x, dy = b.y - a.y, reach = a.radius + b.radius;
-    const bool meet = dx * dx + dy * dy <= reach * reach;
-    const bool mine = (b.radius < a.radius) | ((b.radius == a.radius) & (j > i));
-    if (!(meet & mine)) return;  // One branch: each alone is a coin toss to the processor.
-    const bool on_lanes = bodies_[i].turns | bodies_[j].turns;
-    if (on_lanes ? !MayMeetOnLanes(i, j) : !MayTouch(bodies_[i], bodies_[j])) return;
-    if ((frame.pedestrian[i] && frame.pedestrian[j]) || (frame.planned_stop[i] && frame.planned_stop[j]))
-      return;
+  const auto search = [&](const SweepIndex& index, double largest) {
+    index.grid.ForEachNearIf(
+        a.x, a.y, a.radius + std::min(a.radius, largest),
+        [&](std::uint32_t slot) {
+          const Sweep& b = index.sweeps[slot];
+          const double dx = b.x - a.x, dy = b.y - a.y, reach = a.radius + b.radius;
+          const bool meet = dx * dx + dy * dy <= reach * reach;
+          const bool mine = (b.radius < a.radius) | ((b.radius == a.radius) & (b.row > a.row));
+          return meet & mine;  // One branch: each alone is a coin toss to the processor.
+        },
+        [&](AgentIndex item) {
+          MeasurePair(frame, i, static_cast<std::size_t>(index.unsorted[static_cast<std::size_t>(item)].row),
+                      found);
+        });
+  };
+  search(slow_, kSlowRadius);
+  if (a.radius > kSlowRadius) search(fast_, kNoTtc);
+}
 
-    const bool in_order = frame.vehicle_number[i] < frame.vehicle_number[j];
-    const std::size_t first = in_order ? i : j;
-    const std::size_t second = in_order ? j : i;
-    const auto in_line = [&] {
-      return lane_order_ &&
-             (lane_order_->GapBetween(frame, first, second) || lane_order_->GapBetween(frame, second, first));
-    };
-    const MovingBox box_first = BoxOf(first), box_second = BoxOf(second);
-    if (on_lanes && AreApart(box_first, box_second) && in_line()) return;  // The cheaper question first.
-    const std::optional<Meeting> meeting =
-        on_lanes ? MeetOnLanes(frame, first, second) : MeetStraight(box_first, box_second);
-    if (!meeting || (meeting->ttc >= horizon_ && meeting->ttc > 0.0)) return;
-    const double depth = meeting->ttc > 0.0
-                             ? 0.0
-                             : PenetrationDepth(FootprintOf(frame, first), FootprintOf(frame, second));
-    const bool contact = depth > params_.contact_depth;
-    // A queue standing bumper to bumper, gap 0 up to rounding, is no conflict.
-    if (meeting->ttc == 0.0 && !contact &&
-        std::hypot(frame.vx[first] - frame.vx[second], frame.vy[first] - frame.vy[second]) <
-            params_.standing_speed)
-      return;
-    // Who follows along the lanes is measured along them.
-    if (!contact && in_line()) return;
-    ClosePair pair = {frame.vehicle_number[first],
-                      frame.vehicle_number[second],
-                      static_cast<std::int32_t>(first),
-                      static_cast<std::int32_t>(second),
-                      meeting->ttc,
-                      depth,
-                      0.0,
-                      kNoTtc,
-                      0.0,
-                      EncounterType::kFollowing,
-                      false};
-    if (level_ == SafetyLevel::kFull) MeasureInPlane(frame, *meeting, &pair);
-    found->push_back(pair);
-  });
+/// Adds the pair, if it is beyond a threshold in the plane.
+void SafetyMonitor::MeasurePair(const TrafficFrame& frame, std::size_t i, std::size_t j,
+                                std::vector<ClosePair>* found) const {
+  const bool on_lanes = bodies_[i].turns | bodies_[j].turns;
+  if (on_lanes ? !MayMeetOnLanes(i, j) : !MayTouch(bodies_[i], bodies_[j])) return;
+  if ((frame.pedestrian[i] && frame.pedestrian[j]) || (frame.planned_stop[i] && frame.planned_stop[j]))
+    return;
+
+  const bool in_order = frame.vehicle_number[i] < frame.vehicle_number[j];
+  const std::size_t first = in_order ? i : j;
+  const std::size_t second = in_order ? j : i;
+  const auto in_line = [&] {
+    return lane_order_ &&
+           (lane_order_->GapBetween(frame, first, second) || lane_order_->GapBetween(frame, second, first));
+  };
+  const MovingBox box_first = BoxOf(first), box_second = BoxOf(second);
+  if (on_lanes && AreApart(box_first, box_second) && in_line()) return;  // The cheaper question first.
+  const std::optional<Meeting> meeting =
+      on_lanes ? MeetOnLanes(frame, first, second) : MeetStraight(box_first, box_second);
+  if (!meeting || (meeting->ttc >= horizon_ && meeting->ttc > 0.0)) return;
+  const double depth =
+      meeting->ttc > 0.0 ? 0.0 : PenetrationDepth(FootprintOf(frame, first), FootprintOf(frame, second));
+  const bool contact = depth > params_.contact_depth;
+  // A queue standing bumper to bumper, gap 0 up to rounding, is no conflict.
+  if (meeting->ttc == 0.0 && !contact &&
+      std::hypot(frame.vx[first] - frame.vx[second], frame.vy[first] - frame.vy[second]) <
+          params_.standing_speed)
+    return;
+  // Who follows along the lanes is measured along them.
+  if (!contact && in_line()) return;
+  ClosePair pair = {frame.vehicle_number[first],
+                    frame.vehicle_number[second],
+                    static_cast<std::int32_t>(first),
+                    static_cast<std::int32_t>(second),
+                    meeting->ttc,
+                    depth,
+                    0.0,
+                    kNoTtc,
+                    0.0,
+                    EncounterType::kFollowing,
+                    false};
+  if (level_ == SafetyLevel::kFull) MeasureInPlane(frame, *meeting, &pair);
+  found->push_back(pair);
 }
 
 std::optional<SafetyMonitor::Meeting> SafetyMonitor::MeetStraight(const MovingBox& a,
@@ -366,7 +402,7 @@ std::optional<SafetyMonitor::Meeting> SafetyMonitor::MeetOnLanes(const TrafficFr
   std::array<BoxPose, kPieces + 1> poses_i, poses_j;
   const auto predict = [&](std::size_t row, std::span<BoxPose> poses) {
     const Body& body = bodies_[row];
-    if (body.turns) return lane_motion_->Follow(frame, row, period, poses);
+    if (body.turns) return lane_motion_->Follow(frame, row, poses_[row], period, poses);
     for (std::size_t k = 0; k < poses.size(); ++k) {
       const double time = period * static_cast<double>(k);
       poses[k] = {{body.x + time * body.vx, body.y + time * body.vy}, {body.ux, body.uy}};
@@ -376,7 +412,9 @@ std::optional<SafetyMonitor::Meeting> SafetyMonitor::MeetOnLanes(const TrafficFr
   predict(j, poses_j);
   const double radius = bodies_[i].radius + bodies_[j].radius;
   const auto distance = [&](std::size_t k) {
-    return std::hypot(poses_i[k].center.x - poses_j[k].center.x, poses_i[k].center.y - poses_j[k].center.y);
+    const double dx = poses_i[k].center.x - poses_j[k].center.x;
+    const double dy = poses_i[k].center.y - poses_j[k].center.y;
+    return std::sqrt(dx * dx + dy * dy);
   };
   const auto piece = [&](std::size_t row, std::span<const BoxPose> poses, std::size_t k) {
     const Point2 from = poses[k].center, to = poses[k + 1].center;
@@ -386,18 +424,24 @@ std::optional<SafetyMonitor::Meeting> SafetyMonitor::MeetOnLanes(const TrafficFr
       const double norm = std::hypot(u.x, u.y);
       u = norm > 0.0 ? Point2{u.x / norm, u.y / norm} : poses[k].u;
     }
-    return MovingBox{from, {(to.x - from.x) / period, (to.y - from.y) / period}, u, bodies_[row].half_length,
+    return MovingBox{from,
+                     {(to.x - from.x) / period, (to.y - from.y) / period},
+                     u,
+                     bodies_[row].half_length,
                      bodies_[row].half_width};
   };
   double near = distance(0);
   for (std::size_t k = 0; k < kPieces; ++k) {
     // Between two moments they come no closer than the mean of both distances less half of what changes.
     const double far = distance(k + 1);
-    const MovingBox a = piece(i, poses_i, k), b = piece(j, poses_j, k);
-    const double relative = period * std::hypot(a.velocity.x - b.velocity.x, a.velocity.y - b.velocity.y);
-    const bool apart = 0.5 * (near + far - relative) > radius;
+    const double dx =
+        poses_i[k + 1].center.x - poses_i[k].center.x - poses_j[k + 1].center.x + poses_j[k].center.x;
+    const double dy =
+        poses_i[k + 1].center.y - poses_i[k].center.y - poses_j[k + 1].center.y + poses_j[k].center.y;
+    const bool apart = 0.5 * (near + far - std::sqrt(dx * dx + dy * dy)) > radius;
     near = far;
     if (apart) continue;
+    const MovingBox a = piece(i, poses_i, k), b = piece(j, poses_j, k);
     const std::optional<double> contact = TimeToContact(a, b, period);
     if (!contact) continue;
     const double begin = period * static_cast<double>(k);

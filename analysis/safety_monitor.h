@@ -49,10 +49,9 @@ struct Contact {
 
 /// Watches all pairs of road users on their true 2-D poses: who touches whom, and who comes close in time.
 /// Pairs that follow each other along their lanes are measured along them, as SUMO's device.ssm does; all
-/// others by their boxes in the plane, each keeping its speed and going on along its lanes, straight where it has
-/// none. Pedestrian pairs and pairs both
-/// standing at planned stops are no traffic conflict: skipped. The result does not depend on the number of
-/// threads nor on the order of the rows.
+/// others by their boxes in the plane, each keeping its speed and going on along its lanes, straight where it
+/// has none. Pedestrian pairs and pairs both standing at planned stops are no traffic conflict: skipped. The
+/// result does not depend on the number of threads nor on the order of the rows.
 class SafetyMonitor {
  public:
   /// Without a network (null) or paths in the frames nobody is known to follow along lanes.
@@ -85,6 +84,17 @@ class SafetyMonitor {
   struct Sweep {
     double x, y;    // [m] middle of the swept path.
     double radius;  // [m]
+    std::int32_t row;
+  };
+  /// Sweeps by place.
+  struct SweepIndex {
+    SpatialGrid grid;
+    std::vector<Sweep> sweeps{};   // In the order of the grid's slots, once it is built.
+    std::vector<double> x{}, y{};  // The grid's columns.
+    std::vector<Sweep> unsorted{};
+    void Clear();
+    void Add(const Sweep& sweep);
+    void Build();
   };
   /// What the finer tests read of a row, side by side in memory.
   struct Body {
@@ -102,7 +112,8 @@ class SafetyMonitor {
     std::array<BoxPose, kWindows + 1> pose;
     double radius;  // [m] of the circle around all that it sweeps within one.
   };
-  /// Two on collision course, moving straight as they do at the first touch: they will come to it in `ttc` [s].
+  /// Two on collision course, moving straight as they do at the first touch: they will come to it in `ttc`
+  /// [s].
   struct Meeting {
     double ttc;
     MovingBox a, b;
@@ -133,6 +144,8 @@ class SafetyMonitor {
   void PrepareBodies(const TrafficFrame& frame);
   void FindClosePairs(const TrafficFrame& frame);
   void FindPartners(const TrafficFrame& frame, std::size_t i, std::vector<ClosePair>* found) const;
+  void MeasurePair(const TrafficFrame& frame, std::size_t i, std::size_t j,
+                   std::vector<ClosePair>* found) const;
   void FindLeaders(const TrafficFrame& frame, std::size_t i, std::vector<ClosePair>* found) const;
   std::optional<Meeting> MeetStraight(const MovingBox& a, const MovingBox& b) const;
   std::optional<Meeting> MeetOnLanes(const TrafficFrame& frame, std::size_t i, std::size_t j) const;
@@ -154,19 +167,20 @@ class SafetyMonitor {
   SafetyParams params_;
   const RoadNetwork* network_;
   SafetyLevel level_;
-  double horizon_;  // [s] within which contact is searched.
-  SpatialGrid grid_{25.0};
+  double horizon_;                         // [s] within which contact is searched.
   std::unique_ptr<LaneOrder> lane_order_;  // Null without a network; so is the next.
   std::unique_ptr<LaneMotion> lane_motion_;
   EncroachmentWatch encroachments_;
   double step_length_{0.0};  // [s] between the last two frames.
   double last_time_{0.0};
   bool observed_{false};
-  std::vector<Sweep> sweeps_;
+  std::vector<Sweep> sweeps_;  // By row.
+  SweepIndex fast_{SpatialGrid(25.0)},
+      slow_{SpatialGrid(12.0)};  // Circles above kSlowRadius, and the others.
+  std::vector<BoxPose> poses_;   // By row.
   std::vector<Body> bodies_;
-  std::vector<Outline> outlines_;          // Of turning ones only.
-  std::vector<double> sweep_x_, sweep_y_;  // The grid's columns.
-  std::vector<std::int32_t> row_of_;       // By vehicle number; kNone: not in the frame.
+  std::vector<Outline> outlines_;     // Of turning ones only.
+  std::vector<std::int32_t> row_of_;  // By vehicle number; kNone: not in the frame.
   std::vector<std::vector<ClosePair>> found_by_thread_;
   std::vector<ClosePair> close_pairs_;
   std::vector<double> row_ttc_, row_drac_;

@@ -22,7 +22,17 @@ class SpatialGrid {
   /// of the points within that radius; the caller tests the distance. Indices of one cell come in ascending
   /// order.
   template <class Visitor>
-  void ForEachNear(double x, double y, double radius, Visitor&& visit) const;
+  void ForEachNear(double x, double y, double radius, Visitor&& visit) const {
+    ForEachNearIf(
+        x, y, radius, [](std::uint32_t) { return true; }, visit);
+  }
+
+  /// Points in the order in which queries read them: items()[slot] is the index of a point.
+  std::span<const AgentIndex> items() const { return items_; }
+  /// Like ForEachNear, for those for whose slot accept(slot) is true. Who keeps what it tests by slot reads
+  /// memory in runs. accept is called for some points of other cells too.
+  template <class Accept, class Visitor>
+  void ForEachNearIf(double x, double y, double radius, Accept&& accept, Visitor&& visit) const;
 
  private:
   /// Column or row of a coordinate. Saturates far outside any map (and for NaN), so the cast is defined.
@@ -52,8 +62,8 @@ class SpatialGrid {
   std::vector<std::uint32_t> bucket_of_;  // Scratch, by point.
 };
 
-template <class Visitor>
-void SpatialGrid::ForEachNear(double x, double y, double radius, Visitor&& visit) const {
+template <class Accept, class Visitor>
+void SpatialGrid::ForEachNearIf(double x, double y, double radius, Accept&& accept, Visitor&& visit) const {
   if (items_.empty()) return;
   const std::int32_t first_row = CellOf(y - radius);
   const std::int32_t last_row = CellOf(y + radius);
@@ -66,7 +76,7 @@ void SpatialGrid::ForEachNear(double x, double y, double radius, Visitor&& visit
   const auto visit_items = [&](std::uint32_t begin, std::uint32_t end, std::int64_t first,
                                std::int64_t last) {
     for (std::uint32_t k = begin; k < end; ++k) {
-      if (item_cell_[k] >= first && item_cell_[k] <= last) visit(items_[k]);
+      if (accept(k) && item_cell_[k] >= first && item_cell_[k] <= last) visit(items_[k]);
     }
   };
   const auto item_count = static_cast<std::uint32_t>(items_.size());

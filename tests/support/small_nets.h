@@ -92,7 +92,8 @@ inline RoadNetwork ForkNet() {
   </net>)");
 }
 
-/// Points of a left-hand arc of `radius` [m] about (0, center_y), through `angle` [rad] from due south of it, 1 m apart.
+/// Points of a left-hand arc of `radius` [m] about (0, center_y), through `angle` [rad] from due south of it,
+/// 1 m apart.
 inline std::vector<std::string> ArcPoints(double radius, double center_y, double angle) {
   std::vector<std::string> points;
   const int pieces = static_cast<int>(std::ceil(radius * angle));
@@ -111,9 +112,11 @@ inline RoadNetwork BendNet(double radius, double angle, bool two_way = false) {
   std::reverse(back.begin(), back.end());
   const std::string edge =
       R"(<edge id="{0}" from="{1}" to="{2}"><lane id="{0}_0" index="0" speed="13.89" length="{3:.3f}" shape="{4}"/></edge>)";
-  std::string edges = fmt::format(fmt::runtime(edge), "bend", "A", "B", radius * angle, fmt::join(points, " "));
+  std::string edges =
+      fmt::format(fmt::runtime(edge), "bend", "A", "B", radius * angle, fmt::join(points, " "));
   if (two_way)
-    edges += fmt::format(fmt::runtime(edge), "back", "B", "A", (radius + kLaneWidth) * angle, fmt::join(back, " "));
+    edges += fmt::format(fmt::runtime(edge), "back", "B", "A", (radius + kLaneWidth) * angle,
+                         fmt::join(back, " "));
   return LoadNetText(fmt::format(R"(<net version="1.9">{}
       <junction id="A" type="dead_end" incLanes="{}" intLanes=""/>
       <junction id="B" type="dead_end" incLanes="bend_0" intLanes=""/></net>)",

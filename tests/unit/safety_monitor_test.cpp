@@ -322,10 +322,8 @@ TEST(SafetyMonitor, OncomingOnesOnABendFollowTheirLanesPastEachOther) {
   // 30 m apart on arcs of 30 and 33.2 m: straight on, the outer one would run into the inner one's way.
   const RoadNetwork network = BendNet(30.0, 1.5, /*two_way=*/true);
   const auto at = [](double radius, double a, double turn) {
-    return Mover{.x = radius * std::sin(a),
-                 .y = 30.0 - radius * std::cos(a),
-                 .heading = a + turn,
-                 .speed = 10.0};
+    return Mover{
+        .x = radius * std::sin(a), .y = 30.0 - radius * std::cos(a), .heading = a + turn, .speed = 10.0};
   };
   const TrafficFrame straight = FrameOf({at(30.0, 0.4, 0.0), at(30.0 + kLaneWidth, 1.3, kPi)}, 0);
   TrafficFrame frame = straight;
@@ -336,8 +334,8 @@ TEST(SafetyMonitor, OncomingOnesOnABendFollowTheirLanesPastEachOther) {
 }
 
 TEST(SafetyMonitor, TurningAcrossAnOncomingOneIsACrossing) {
-  // Along an arc of 10 m radius at 5 m/s, through the way of one who comes straight at it on the next lane: at
-  // present they would pass each other by. Expected: both moved on in small steps.
+  // Along an arc of 10 m radius at 5 m/s, through the way of one who comes straight at it on the next lane:
+  // at present they would pass each other by. Expected: both moved on in small steps.
   constexpr double kRadius = 10.0, kSpeed = 5.0, kOncomingSpeed = 10.0, kOncomingX = 26.0;
   const RoadNetwork network = BendNet(kRadius, 1.5);
   const auto on_arc = [&](double s) {  // Both bumpers on the arc, as SUMO draws it.
@@ -534,8 +532,8 @@ TEST(SafetyMonitor, FindsThePairsThatBruteForceFinds) {
       for (std::size_t j = 0; j < frame.size(); ++j) {
         if (i == j) continue;
         const auto [a, b] = std::minmax(i, j);
-        const auto ttc =
-            TimeToContact(BoxOf(box(a), {frame.vx[a], frame.vy[a]}), BoxOf(box(b), {frame.vx[b], frame.vy[b]}), 3.0);
+        const auto ttc = TimeToContact(BoxOf(box(a), {frame.vx[a], frame.vy[a]}),
+                                       BoxOf(box(b), {frame.vx[b], frame.vy[b]}), 3.0);
         if (ttc && *ttc < 3.0) least = std::min(least, *ttc);
       }
       EXPECT_EQ(monitor.row_ttc()[i], least) << "row " << i << " step " << k;
