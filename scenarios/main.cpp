@@ -118,6 +118,7 @@ int Report(const RunConfig& config, const RunReport& report) {
   fmt::print("audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end\n",
              audit.different, audit.steps, report.lane_end_halts);
   fmt::print("state hash {:016x}\n", o.state_hash);
+  if (config.samples_file) fmt::print("{} samples in {}\n", report.samples, config.samples_file->string());
   if (config.results) fmt::print("run {} in {}\n", report.run_id, config.results->string());
   return o.status == RunStatus::kInterrupted ? kInterrupted : kOk;
 }
@@ -199,11 +200,25 @@ int Main(int argc, char** argv) {
   run->add_option("--edge-interval", run_options.config.edge_interval,
                   "[s] of the intervals of flow, density and speed by edge; 0 = none")
       ->capture_default_str();
+  std::string samples_file;
+  run->add_option("--record-samples", samples_file,
+                  "CSV file of sector-scan samples for `lanewise train`: what each vehicle's lidar sees, and "
+                  "where it then goes");
+  run->add_option("--samples-period", run_options.config.samples.period, "[s] between scans of a vehicle")
+      ->capture_default_str();
+  run->add_option("--samples-horizon", run_options.config.samples.horizon,
+                  "[s] after which the way taken is judged")
+      ->capture_default_str();
+  run->add_option("--samples-shift", run_options.config.samples.min_shift,
+                  "[m] moved to a side within the horizon that make the way 'left' or 'right'")
+      ->capture_default_str();
   run->footer(
       "Examples:\n"
       "  lanewise run --scenario town --results town.sqlite\n"
       "  lanewise run -c my.sumocfg --policy idm --seed 7 --results my.sqlite\n"
       "  lanewise run -n my.net.xml -r my.rou.xml --end 600 --set dwa.clearance_weight=1.5\n"
+      "  lanewise run --scenario town --policy dwa --record-samples town.csv    (then: lanewise train bp "
+      "--samples town.csv)\n"
       "  lanewise run -c my.sumocfg -- --scale 1.2 --tripinfo-output trips.xml   (behind -- : SUMO's "
       "options)\n"
       "Ctrl-C ends the run after the present step; what was recorded is kept and marked 'interrupted'.");
@@ -262,6 +277,7 @@ int Main(int argc, char** argv) {
   SumoSession::EnsureHome();
   if (run->parsed()) {
     run_options.config.safety_level = ParseSafetyLevel(safety);
+    if (!samples_file.empty()) run_options.config.samples_file = samples_file;
     const RunConfig config = Finish(&run_options, sumo_options);
     return Report(config, Run(config));
   }

@@ -134,6 +134,18 @@ RunReport Run(const RunConfig& config) {
         std::make_unique<RunWriter>(ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend), info);
   }
 
+  std::unique_ptr<SampleRecorder> samples;
+  if (effective.samples_file) {
+    samples = std::make_unique<SampleRecorder>(
+        network, curves, effective.params, effective.samples, static_cast<std::uint64_t>(effective.seed),
+        effective.samples_file->string(),
+        fmt::format(
+            "scenario {}, policy {}, seed {}; a scan each {:g} s, its way judged after {:g} s, to a side "
+            "from {:g} m on; Lanewise {}",
+            effective.scenario, kPolicyNames[static_cast<std::size_t>(effective.policy)], effective.seed,
+            effective.samples.period, effective.samples.horizon, effective.samples.min_shift,
+            LANEWISE_VERSION));
+  }
   Traffic traffic;
   Commands commands;
   AgentPipeline pipeline(network, curves, effective.params);
@@ -159,6 +171,10 @@ RunReport Run(const RunConfig& config) {
       Timed(&report.agent_time, [&] { pipeline.UpdatePoses(&traffic); });
       Timed(&report.record_time,
             [&] { recorder.Observe(outcome.steps, session.time(), outcome.wall_time, traffic, bridge); });
+      if (samples) {
+        Timed(&report.record_time,
+              [&] { samples->Observe(outcome.steps, session.time(), dt, traffic, bridge); });
+      }
       bridge.HashState(traffic, &hash);
       Timed(&report.agent_time, [&] { pipeline.Step(dt, bridge.guarded(), &traffic, &commands); });
       Timed(&report.coupling_time, [&] { bridge.Write(dt, &traffic, commands); });
@@ -177,6 +193,10 @@ RunReport Run(const RunConfig& config) {
   report.safety_time = recorder.safety_time();
   const double end = session.time();
   Timed(&report.record_time, [&] { recorder.Finish(end); });
+  if (samples) {
+    samples->Finish();
+    report.samples = samples->count();
+  }
   outcome.status = g_interrupted ? RunStatus::kInterrupted : RunStatus::kFinished;
   if (g_interrupted) outcome.message = fmt::format("interrupted at {:.1f} s", end);
   outcome.simulated_time = end - begin;

@@ -206,6 +206,17 @@ void Resolve(RunConfig* config) {
         fmt::format("parameter 'safety.event_after' is {} s; allowed: at most safety.separation_time, {} s",
                     safety.event_after, safety.separation_time));
   }
+  if (config->samples_file) {
+    check("--samples-period", config->samples.period, config->step_length, 86400, "s");
+    check("--samples-horizon", config->samples.horizon, config->step_length, 60, "s");
+    check("--samples-shift", config->samples.min_shift, 0.01, 10, "m");
+    const fs::path& file = *config->samples_file;
+    if (fs::exists(file))
+      throw ConfigError(
+          fmt::format("--record-samples: {}: it exists; name a new file, or remove it", file.string()));
+    if (file.has_parent_path() && !fs::is_directory(file.parent_path()))
+      throw ConfigError(fmt::format("--record-samples: {}: its folder does not exist", file.string()));
+  }
   if (config->end) check("--end", *config->end, config->step_length, 1e9, "s");
 }
 

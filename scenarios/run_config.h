@@ -10,6 +10,7 @@
 #include "agents/agent_params.h"
 #include "analysis/safety_monitor.h"
 #include "libsumo_bridge/vehicle_bridge.h"
+#include "scenarios/sample_recorder.h"
 
 namespace lanewise {
 
@@ -30,6 +31,8 @@ struct RunConfig {
   SafetyLevel safety_level{SafetyLevel::kFull};  ///< What the safety engine watches.
   double edge_interval{300.0};                   ///< [s] of the edge measures; 0 = none.
   std::filesystem::path sumo_output_folder;  ///< SUMO's own outputs go there; empty: where the .sumocfg says.
+  std::optional<std::filesystem::path> samples_file;  ///< Sector-scan samples; nothing: none are recorded.
+  SampleParams samples;
   AgentParams params;
   SafetyParams safety;
   bool quiet{false};

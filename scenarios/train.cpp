@@ -42,7 +42,7 @@ struct DataOptions {
   std::optional<std::int64_t> training, test;
   std::uint64_t seed{1};
   int rows{10};
-  bool force{false};
+  bool balance{false}, force{false};
 };
 
 void AddDataOptions(CLI::App* app, DataOptions* o) {
@@ -57,6 +57,10 @@ void AddDataOptions(CLI::App* app, DataOptions* o) {
   app->add_option("-o,--output", o->output, "weight file (JSON); without it nothing is kept");
   app->add_option("--rows", o->rows, "test samples shown, those with the largest errors first")
       ->capture_default_str();
+  app->add_flag(
+      "--balance", o->balance,
+      "weigh the training samples so that left, forward and right count the same: in traffic nearly "
+      "all go forward, and a network that always does is nearly always right");
   app->add_flag("--force", o->force, "replace output files that exist");
 }
 
@@ -103,6 +107,7 @@ TrainingData LoadData(const DataOptions& o) {
       data.training, data.test, data.rows, data.origin, o.seed, seen);
   data.split.training = MergeEqual(data.split.training);
   data.split.test = MergeEqual(data.split.test);
+  if (o.balance) BalanceWays(&data.split.training);
   if (!o.samples.empty()) {
     const double most = MostPossible(data.split.test);
     fmt::print(
@@ -183,9 +188,10 @@ void PrintTable(const Net& net, const std::vector<LabelledScan>& test, int rows)
 
 void PrintScore(const char* name, const NetScore& score) {
   fmt::print(
-      "{}: mean squared error {:.6f}; rounding gives the target in {:g} of {:g}, the largest output in {:g}; "
-      "largest error {:.6f}\n",
-      name, score.mean_squared_error, score.rounded, score.samples, score.largest, score.largest_error);
+      "{}: mean squared error {:.6f}; rounding gives the target in {:g} of {:g}, the largest output in {:g} "
+      "({:g} of {:g} left, {:g} of {:g} forward, {:g} of {:g} right); largest error {:.6f}\n",
+      name, score.mean_squared_error, score.rounded, score.samples, score.largest, score.found[0],
+      score.taken[0], score.found[1], score.taken[1], score.found[2], score.taken[2], score.largest_error);
 }
 
 template <class Net>
@@ -193,7 +199,7 @@ void Conclude(const Net& net, const TrainingData& data, const DataOptions& o, Tr
   PrintTable(net, data.split.test, o.rows);
   const NetScore training = ScoreNet(net, data.split.training), test = ScoreNet(net, data.split.test);
   fmt::print("\n");
-  PrintScore("training samples", training);
+  PrintScore(o.balance ? "training samples, balanced" : "training samples", training);
   PrintScore("test samples", test);
   if (o.output.empty()) return;
   record.samples = data.origin;
@@ -407,7 +413,8 @@ void AddBp(CLI::App* train, std::function<int()>* chosen) {
       "  lanewise train bp                                        (the experiment of [A])\n"
       "  lanewise train bp --method lm --goal 1e-6 --plot error.svg -o bp.json\n"
       "  lanewise run --scenario town --policy dwa --record-samples town.csv\n"
-      "  lanewise train bp --samples town.csv --method lm --epochs 200 -o town_bp.json   (imitates dwa)\n"
+      "  lanewise train bp --samples town.csv --balance --method lm --epochs 200 -o town.json   (imitates "
+      "dwa)\n"
       "Exit code 1: the goal was not reached; the weights are written all the same.");
   bp->callback([o, chosen] { *chosen = [o] { return RunTrainBp(*o); }; });
 }

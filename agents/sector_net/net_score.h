@@ -15,6 +15,7 @@ struct NetScore {
   double samples{0.0};             ///< Sum of the weights.
   double rounded{0.0};             ///< Of these, every output rounds to its target ([A], Table 1).
   double largest{0.0};             ///< Of these, the largest output is that of the way taken.
+  NetOutputs taken{}, found{};     ///< By way: samples of it, and of these those of `largest`.
   double mean_squared_error{0.0};  ///< [-] over samples and outputs.
   double largest_error{0.0};       ///< [-] largest |output - target|.
   std::size_t worst{0};            ///< Index of the sample with it.
@@ -43,7 +44,12 @@ NetScore ScoreNet(const Net& net, std::span<const LabelledScan> samples) {
     }
     score.samples += sample.weight;
     score.rounded += rounds ? sample.weight : 0.0;
-    score.largest += WayOf(y) == sample.way ? sample.weight : 0.0;
+    const auto way = static_cast<std::size_t>(sample.way);
+    score.taken[way] += sample.weight;
+    if (WayOf(y) == sample.way) {
+      score.largest += sample.weight;
+      score.found[way] += sample.weight;
+    }
     const double error = LargestError(y, sample.way);
     if (error > score.largest_error) {
       score.largest_error = error;

@@ -131,13 +131,25 @@ std::vector<LabelledScan> LoadSamples(const std::filesystem::path& file) {
   return ParseSamples(text, file.string());
 }
 
-SampleWriter::SampleWriter(const std::filesystem::path& file) : out_(file) {
+SampleWriter::SampleWriter(const std::filesystem::path& file, std::string_view note)
+    : file_(file), out_(file) {
   if (!out_) throw ConfigError(fmt::format("{}: cannot be created", file.string()));
   out_ << "# Lanewise sector samples. sector_i_free [-]: 1 free, 0 obstacle, 0 is the left sector of the "
-          "front 180 "
-          "deg;\n# left, forward, right [-]: the way taken; time_s [s]\ntime_s,vehicle";
+          "front "
+          "180 deg;\n# left, forward, right [-]: the way taken; time_s [s]\n";
+  if (!note.empty()) {
+    std::string line(note);
+    std::replace(line.begin(), line.end(), '\n', ' ');
+    out_ << "# " << line << '\n';
+  }
+  out_ << "time_s,vehicle";
   for (const char* column : kColumns) out_ << ',' << column;
   out_ << '\n';
+}
+
+void SampleWriter::Finish() {
+  out_.close();
+  if (!out_) throw ConfigError(fmt::format("{}: could not be written; is the disk full?", file_.string()));
 }
 
 void SampleWriter::Add(double time, std::string_view vehicle, const SectorInputs& sectors, Avoidance way) {
@@ -197,6 +209,16 @@ std::vector<LabelledScan> MergeEqual(const std::vector<LabelledScan>& samples) {
     }
   }
   return merged;
+}
+
+void BalanceWays(std::vector<LabelledScan>* samples) {
+  NetOutputs sum{};
+  for (const LabelledScan& sample : *samples) sum[static_cast<std::size_t>(sample.way)] += sample.weight;
+  const double total = sum[0] + sum[1] + sum[2];
+  const auto ways =
+      static_cast<double>(std::count_if(sum.begin(), sum.end(), [](double s) { return s > 0.0; }));
+  for (LabelledScan& sample : *samples)
+    sample.weight *= total / (ways * sum[static_cast<std::size_t>(sample.way)]);
 }
 
 std::size_t CountSeen(const SampleSplit& split) {

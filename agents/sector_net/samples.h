@@ -39,11 +39,15 @@ std::vector<LabelledScan> ParseSamples(std::string_view text, std::string_view o
 class SampleWriter {
  public:
   /// @throws ConfigError if the file cannot be created.
-  explicit SampleWriter(const std::filesystem::path& file);
+  /// @param note a line about where the samples come from; it becomes a comment.
+  explicit SampleWriter(const std::filesystem::path& file, std::string_view note = {});
   void Add(double time, std::string_view vehicle, const SectorInputs& sectors, Avoidance way);
+  /// @throws ConfigError if not everything could be written.
+  void Finish();
   std::int64_t count() const { return count_; }
 
  private:
+  std::filesystem::path file_;
   std::ofstream out_;
   std::int64_t count_{0};
 };
@@ -70,6 +74,10 @@ SampleSplit SplitSamples(std::vector<LabelledScan> samples, std::size_t training
 /// Equal samples as one with the sum of their weights, in order of their first occurrence. Training on them
 /// is the same as on all of them.
 std::vector<LabelledScan> MergeEqual(const std::vector<LabelledScan>& samples);
+
+/// Weighs samples so that each way that occurs has the same sum: else a network learns to go forward always,
+/// as most traffic does. The sum of all weights is kept.
+void BalanceWays(std::vector<LabelledScan>* samples);
 
 /// Samples of `test` whose inputs also occur in `training`: those are not held out in truth.
 std::size_t CountSeen(const SampleSplit& split);

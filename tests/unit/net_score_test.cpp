@@ -23,6 +23,8 @@ TEST(NetScore, WorkedByHand) {
   EXPECT_EQ(score.samples, 6.0);
   EXPECT_EQ(score.rounded, 3.0);
   EXPECT_EQ(score.largest, 5.0);
+  EXPECT_EQ(score.taken, (NetOutputs{3.0, 2.0, 1.0}));
+  EXPECT_EQ(score.found, (NetOutputs{3.0, 2.0, 0.0}));
   EXPECT_NEAR(score.largest_error, 0.8, 1e-15);
   EXPECT_EQ(score.worst, 2u);
   // 3 (0.01 + 0.04) + 2 (0.09 + 0.36 + 0.01) + (0.64 + 0.01 + 0.09), over 3 x 6.

@@ -115,5 +115,16 @@ TEST(Samples, EqualOnesMerge) {
   EXPECT_EQ(CountSeen({{a}, {b, {InputsOfCode(8), Avoidance::kLeft}}}), 1u);
 }
 
+// Left 1, forward 3 + 5, right none: each of the two ways gets half of the 9.
+TEST(Samples, BalancedWaysCountTheSame) {
+  std::vector<LabelledScan> samples{{InputsOfCode(1), Avoidance::kLeft, 1.0},
+                                    {InputsOfCode(2), Avoidance::kForward, 3.0},
+                                    {InputsOfCode(3), Avoidance::kForward, 5.0}};
+  BalanceWays(&samples);
+  EXPECT_NEAR(samples[0].weight, 4.5, 1e-12);
+  EXPECT_NEAR(samples[1].weight, 4.5 * 3.0 / 8.0, 1e-12);
+  EXPECT_NEAR(samples[2].weight, 4.5 * 5.0 / 8.0, 1e-12);
+}
+
 }  // namespace
 }  // namespace lanewise
