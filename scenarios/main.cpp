@@ -13,6 +13,7 @@
 #include "agents/core/check.h"
 #include "analysis/results_file.h"
 #include "libsumo_bridge/sumo_session.h"
+#include "scenarios/calibrate.h"
 #include "scenarios/city_bench.h"
 #include "scenarios/compare.h"
 #include "scenarios/doctor.h"
@@ -264,6 +265,7 @@ int Main(int argc, char** argv) {
   AddExportCommand(&app, &chosen);
   AddReportCommand(&app, &chosen);
   AddTrainCommand(&app, &chosen);
+  AddCalibrateCommand(&app, &chosen);
 
   try {
     app.parse(own);

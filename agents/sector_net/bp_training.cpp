@@ -104,7 +104,9 @@ class StopAtGoal final : public ceres::IterationCallback {
       : goal_(goal), progress_(progress), training_(training) {}
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    const double error = 2.0 * summary.cost;
+    // A step that was tried and not taken leaves the weights, and the error, as they were.
+    const bool taken = training_->error.empty() || summary.step_is_successful;
+    const double error = taken ? 2.0 * summary.cost : training_->error.back();
     training_->error.push_back(error);
     training_->reached = error <= goal_;
     if (training_->reached) return ceres::SOLVER_TERMINATE_SUCCESSFULLY;

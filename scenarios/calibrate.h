@@ -1,0 +1,11 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace lanewise {
+
+/// `lanewise calibrate pid`. @param chosen what the command will do, once it is parsed.
+void AddCalibrateCommand(CLI::App* app, std::function<int()>* chosen);
+
+}  // namespace lanewise
