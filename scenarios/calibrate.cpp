@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <memory>
 #include <string>
 
@@ -20,19 +19,6 @@ constexpr double kKmh = 1.0 / 3.6;  // [m/s]
 void CheckRange(const char* option, double value, double min, double max) {
   if (!(value >= min && value <= max))
     throw ConfigError(fmt::format("{}: {}; allowed: {} to {}", option, value, min, max));
-}
-
-/// Writes a text file whole or not at all.
-void WriteTextFile(const std::string& file, const std::string& text) {
-  const std::string part = file + ".part";
-  std::ofstream out(part, std::ios::binary);
-  out << text;
-  out.close();
-  std::error_code error;
-  if (out) std::filesystem::rename(part, file, error);
-  if (out && !error) return;
-  std::filesystem::remove(part, error);
-  throw ConfigError(fmt::format("{}: cannot be written", file));
 }
 
 struct PidOptions {
@@ -234,6 +220,7 @@ void AddCalibrateCommand(CLI::App* app, std::function<int()>* chosen) {
   CLI::App* calibrate = app->add_subcommand("calibrate", "Fit controllers and models");
   calibrate->require_subcommand(1);
   AddPid(calibrate, chosen);
+  AddCalibrateIdm(calibrate, chosen);
 }
 
 }  // namespace lanewise

@@ -5,6 +5,7 @@
 
 #include <csignal>
 #include <cstdio>
+#include <fstream>
 
 #include "agents/core/check.h"
 
@@ -102,6 +103,18 @@ void CheckPlotFile(const char* option, const fs::path& file, bool replace) {
   if (file.empty()) return;
   CheckOutputFile(option, file, replace);
   Terminal(file, 1);
+}
+
+void WriteTextFile(const fs::path& file, const std::string& text) {
+  const fs::path part = fmt::format("{}.{}.part", file.string(), ::getpid());
+  std::ofstream out(part, std::ios::binary);
+  out << text;
+  out.close();
+  std::error_code error;
+  if (out) fs::rename(part, file, error);
+  if (out && !error) return;
+  fs::remove(part, error);
+  throw ConfigError(fmt::format("{}: cannot be written", file.string()));
 }
 
 }  // namespace lanewise

@@ -29,5 +29,7 @@ void DrawPlot(const std::filesystem::path& file, std::span<const PlotPanel> pane
 void CheckOutputFile(const char* option, const std::filesystem::path& file, bool replace);
 /// The same for DrawPlot's file, with its ending.
 void CheckPlotFile(const char* option, const std::filesystem::path& file, bool replace);
+/// Writes a text file whole or not at all. @throws ConfigError.
+void WriteTextFile(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace lanewise
