@@ -278,6 +278,14 @@ void BindRow(const StepSummaryRow& r, std::int64_t run_id, Binder bind) {
        r.wall_time);
 }
 
+const char* TableOf(const StepHashRow&) {
+  return "step_hash";
+}
+void BindRow(const StepHashRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.step, static_cast<std::int64_t>(r.rolling), static_cast<std::int64_t>(r.vehicle_sum),
+       static_cast<std::int64_t>(r.weighted_sum));
+}
+
 const char* TableOf(const AuditRow&) {
   return "audit";
 }
@@ -319,24 +327,25 @@ void LimitFileSize(std::int64_t max_bytes, SQLite::Database* database) {
       .executeStep();
 }
 
+std::optional<std::string> OrNull(const std::string& text) {
+  return text.empty() ? std::nullopt : std::optional(text);
+}
+
 std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
   SQLite::Statement insert(
       *database,
-      "INSERT INTO run (started_at, status, scenario, config_file, policy, rules, safety, seed, begin_s, "
-      "end_s, step_length_s, threads, sumo_options, parameters_json, input_hashes_json, lanewise_version, "
-      "git_commit, "
-      "sumo_version, compiler, machine) VALUES (strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, rules, safety, "
+      "seed, begin_s, end_s, step_length_s, threads, sumo_options, arguments_json, parameters_json, "
+      "input_hashes_json, config_text, lanewise_version, git_commit, sumo_version, compiler, machine) VALUES "
+      "(strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Binder bind(&insert);
-  bind(info.scenario, info.config_file, info.policy, info.rules, info.safety, info.seed, info.begin, info.end,
-       info.step_length, info.threads, info.sumo_options, info.parameters_json, info.input_hashes_json,
-       info.lanewise_version, info.git_commit, info.sumo_version, info.compiler, info.machine);
+  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.safety, info.seed,
+       info.begin, info.end, info.step_length, info.threads, info.sumo_options, info.arguments_json,
+       info.parameters_json, info.input_hashes_json, OrNull(info.config_text), info.lanewise_version,
+       info.git_commit, info.sumo_version, info.compiler, info.machine);
   insert.exec();
   return database->getLastInsertRowid();
-}
-
-std::optional<std::string> OrNull(const std::string& text) {
-  return text.empty() ? std::nullopt : std::optional(text);
 }
 
 template <class Value>
@@ -479,6 +488,7 @@ template void RunWriter::Add(const std::vector<Encounter>&);
 template void RunWriter::Add(const std::vector<EdgeRow>&);
 template void RunWriter::Add(const std::vector<EncounterSample>&);
 template void RunWriter::Add(const std::vector<StepSummaryRow>&);
+template void RunWriter::Add(const std::vector<StepHashRow>&);
 template void RunWriter::Add(const std::vector<EdgeIntervalRow>&);
 template void RunWriter::Add(const std::vector<HistogramRow>&);
 
@@ -565,15 +575,27 @@ void RunWriter::WriteOutcome(const RunOutcome& outcome) {
   transaction.commit();
 }
 
+void IndexTrajectoryOfRun(std::int64_t run_id, SQLite::Database* database) {
+  constexpr int kMaxIndexes = 64;
+  const int indexes = database
+                          ->execAndGet(
+                              "SELECT COUNT(*) FROM sqlite_master WHERE type = 'index' AND name LIKE "
+                              "'trajectory_of_run_%'")
+                          .getInt();
+  if (indexes >= kMaxIndexes) return;
+  database->exec(
+      fmt::format("CREATE INDEX IF NOT EXISTS trajectory_of_run_{0} ON trajectory (vehicle_number, time_s) "
+                  "WHERE run_id = {0}",
+                  run_id));
+}
+
 /// A partial index for this run: filled once, in bulk, and neither kept up while another run is appended nor
 /// built anew for all. Only an accelerator, so a failure (it takes space) is no failure of the run: returns
 /// what it was.
 std::string RunWriter::IndexTrajectory() {
   if (trajectory_rows_ == 0) return "";
   try {
-    file_.database().exec(fmt::format(
-        "CREATE INDEX trajectory_of_run_{0} ON trajectory (vehicle_number, time_s) WHERE run_id = {0}",
-        run_id_));
+    IndexTrajectoryOfRun(run_id_, &file_.database());
     return "";
   } catch (const SQLite::Exception& e) {
     return fmt::format("trajectory index not built: {}", Explain(e));

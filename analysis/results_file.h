@@ -28,7 +28,7 @@ class Database;
 namespace lanewise {
 
 inline constexpr std::uint32_t kResultsApplicationId = 0x4C414E45;  ///< 'LANE', as in results_schema.sql.
-inline constexpr std::uint32_t kSchemaVersion = 2;                  ///< user_version, likewise.
+inline constexpr std::uint32_t kSchemaVersion = 3;                  ///< user_version, likewise.
 
 /// An open results file. Everything that fails throws ConfigError naming the file, what was found and what is
 /// allowed.
@@ -56,8 +56,8 @@ class ResultsFile {
   std::unique_ptr<SQLite::Database> database_;
 };
 
-/// Runs `work` on a results file; what SQLite throws there becomes a ConfigError that names the file and the way
-/// out.
+/// Runs `work` on a results file; what SQLite throws there becomes a ConfigError that names the file and the
+/// way out.
 void GuardResults(const std::filesystem::path& path, const std::function<void()>& work);
 
 enum class RunStatus : std::uint8_t { kRunning, kFinished, kInterrupted, kFailed };
@@ -69,6 +69,7 @@ struct RunInfo {
   std::string scenario{};
   std::string config_file{};
   std::string policy{};
+  double penetration{1.0};  ///< Share of vehicles given the policy, as asked for.
   std::string rules{};
   std::string safety{"full"};  ///< What is watched: off, contacts, full.
   std::int64_t seed{0};
@@ -77,8 +78,10 @@ struct RunInfo {
   double step_length{0.1};      ///< [s]
   std::int32_t threads{1};
   std::string sumo_options{};
+  std::string arguments_json{"[]"};  ///< Of `lanewise run`: they repeat the run.
   std::string parameters_json{"{}"};
   std::string input_hashes_json{"{}"};
+  std::string config_text{};  ///< The .sumocfg; empty without one.
   std::string lanewise_version{};
   std::string git_commit{};
   std::string sumo_version{};
@@ -150,6 +153,16 @@ struct StepSummaryRow {
   double wall_time{0.0};               ///< [s] since the begin.
 };
 
+/// Signatures of the state after a step; see table step_hash.
+struct StepHashRow {
+  std::int64_t step{0};
+  std::uint64_t rolling{0}, vehicle_sum{0}, weighted_sum{0};
+};
+
+/// Gives a finished run its trajectory index, unless the file holds many runs: each further index is checked
+/// for every row appended. @throws SQLite::Exception.
+void IndexTrajectoryOfRun(std::int64_t run_id, SQLite::Database* database);
+
 struct WriterParams {
   std::size_t rows_per_commit{50'000};
   std::size_t max_queued_rows{200'000};  ///< Add waits above it; memory is bounded by twice this.
@@ -172,7 +185,7 @@ class RunWriter {
   std::int64_t run_id() const { return run_id_; }
 
   /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
-  /// StepSummaryRow, EdgeIntervalRow or HistogramRow. Waits while the queue is full.
+  /// StepSummaryRow, StepHashRow, EdgeIntervalRow or HistogramRow. Waits while the queue is full.
   template <class Row>
   void Add(const std::vector<Row>& rows);
 
@@ -186,7 +199,7 @@ class RunWriter {
   using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>,
                           std::vector<TripRow>, std::vector<TrajectoryRow>, std::vector<Contact>,
                           std::vector<Encounter>, std::vector<EncounterSample>, std::vector<StepSummaryRow>,
-                          std::vector<EdgeIntervalRow>, std::vector<HistogramRow>>;
+                          std::vector<StepHashRow>, std::vector<EdgeIntervalRow>, std::vector<HistogramRow>>;
 
   void WriteLoop();
   void Write(const Rows& rows);

@@ -3,7 +3,7 @@
 -- user_version (and kSchemaVersion in results_file.h).
 
 PRAGMA application_id = 0x4C414E45;  -- 'LANE': marks a Lanewise results file.
-PRAGMA user_version = 2;
+PRAGMA user_version = 3;
 
 -- One row a run: what was run, on what, and how it ended. status 'running' with no process behind it: killed.
 CREATE TABLE run (
@@ -15,6 +15,7 @@ CREATE TABLE run (
   scenario TEXT NOT NULL,
   config_file TEXT NOT NULL,
   policy TEXT NOT NULL,                -- As asked for; what drove in fact: table policy_share.
+  penetration_rate REAL NOT NULL,      -- Share of vehicles given the policy, as asked for; 1: all that may have one.
   rules TEXT NOT NULL,                 -- Who answers for signals and right of way: 'agent' or 'sumo'.
   safety TEXT NOT NULL CHECK (safety IN ('off', 'contacts', 'full')),  -- What was watched; off: no collisions known.
   seed INTEGER NOT NULL,
@@ -23,8 +24,10 @@ CREATE TABLE run (
   step_length_s REAL NOT NULL,
   threads INTEGER NOT NULL,
   sumo_options TEXT NOT NULL,
+  arguments_json TEXT NOT NULL,        -- Of `lanewise run`, but for parameters and threads: they repeat the run.
   parameters_json TEXT NOT NULL,
   input_hashes_json TEXT NOT NULL,     -- File to hash.
+  config_text TEXT,                    -- The .sumocfg itself; NULL: run from -n and -r.
   lanewise_version TEXT NOT NULL,
   git_commit TEXT NOT NULL,
   sumo_version TEXT NOT NULL,
@@ -116,8 +119,8 @@ CREATE TABLE trip (
   PRIMARY KEY (run_id, vehicle_number)
 ) WITHOUT ROWID;
 
--- Sampled states in order of time. A finished run N has the index trajectory_of_run_N on (vehicle_number, time_s);
--- SQLite uses it for queries that name the run by a literal: WHERE run_id = 3 AND vehicle_number = ?.
+-- Sampled states in order of time. A finished run N has the index trajectory_of_run_N on (vehicle_number, time_s), in
+-- files of up to 64 runs; SQLite uses it for queries that name the run by a literal: WHERE run_id = 3 AND vehicle_number = ?.
 CREATE TABLE trajectory (
   run_id INTEGER NOT NULL,
   time_s REAL NOT NULL,
@@ -268,6 +271,16 @@ CREATE TABLE step_summary (
   PRIMARY KEY (run_id, time_s)
 ) WITHOUT ROWID;
 
+-- Signatures of the state after each step, for `lanewise verify`. 64 bits each, stored as SQLite's signed integers.
+CREATE TABLE step_hash (
+  run_id INTEGER NOT NULL REFERENCES run,
+  step INTEGER NOT NULL,               -- From 0.
+  rolling_hash INTEGER NOT NULL,       -- Of this step and all before it; the last one is run.state_hash.
+  vehicle_sum INTEGER NOT NULL,        -- Sum over vehicles of the hash of each one's state, modulo 2^64.
+  weighted_sum INTEGER NOT NULL,       -- The same, each hash times vehicle_number + 1: tells which single one differs.
+  PRIMARY KEY (run_id, step)
+) WITHOUT ROWID;
+
 -- Did SUMO do what the agents commanded? Differences by cause.
 CREATE TABLE audit (
   run_id INTEGER NOT NULL REFERENCES run,
@@ -287,6 +300,37 @@ CREATE TABLE policy_share (
   agent_steps INTEGER NOT NULL,
   PRIMARY KEY (run_id, policy)
 ) WITHOUT ROWID;
+
+-- In the file of a study (`lanewise study`): which one.
+CREATE TABLE study (
+  name TEXT PRIMARY KEY,
+  question TEXT NOT NULL,
+  study_text TEXT NOT NULL,            -- The TOML file, as it was last used.
+  extra_seeds INTEGER NOT NULL DEFAULT 0  -- Added to its seeds by --until-ci.
+) WITHOUT ROWID;
+
+-- Every run a study wants; run_id is that of table run once it has finished. A run is claimed before it starts, and
+-- its rows arrive in the transaction that marks it finished.
+CREATE TABLE study_run (
+  run_id INTEGER PRIMARY KEY,
+  run_key TEXT NOT NULL UNIQUE,        -- Of its settings; 16 hex digits.
+  settings_json TEXT NOT NULL,         -- Options of `lanewise run`, name to value.
+  status TEXT NOT NULL CHECK (status IN ('pending', 'claimed', 'finished', 'failed')),
+  attempts INTEGER NOT NULL DEFAULT 0, -- Started so often; those the runner took along when it ended do not count.
+  message TEXT,                        -- Why it failed.
+  log TEXT,                            -- What Lanewise and SUMO wrote then; its last 64 kB.
+  claimed_by TEXT,                     -- Host and process while it runs.
+  wall_time_s REAL,                    -- Of the worker process, start to end.
+  bytes INTEGER                        -- Of its results.
+);
+CREATE INDEX study_run_by_status ON study_run (status, run_id);
+
+-- Where merged runs came from (`lanewise merge`).
+CREATE TABLE merged_run (
+  run_id INTEGER PRIMARY KEY REFERENCES run,
+  source_file TEXT NOT NULL,
+  source_run_id INTEGER NOT NULL
+);
 
 -- One row a run for comparisons. Trip means are over arrived vehicles; distance and emissions over all. Counts of
 -- what was not watched (run.safety) are NULL.

@@ -108,7 +108,8 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
   for (const MetricInfo& metric : kMetrics) columns += fmt::format(", m.{}", metric.name);
   SQLite::Statement query(
       database,
-      "SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, run.message, "
+      "SELECT run.run_id, run.scenario, run.policy, run.penetration_rate, run.rules, run.seed, run.status, "
+      "run.message, "
       "run.sumo_options, "
       "run.parameters_json, run.input_hashes_json, run.config_file, run.lanewise_version, run.git_commit, "
       "run.sumo_version, run.compiler, run.machine, run.started_at, run.state_hash, run.begin_s, run.end_s, "
@@ -128,6 +129,7 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
     run.run_id = next().getInt64();
     run.scenario = text();
     run.policy = text();
+    run.penetration = next().getDouble();
     run.rules = text();
     run.seed = next().getInt64();
     run.status = text();
@@ -165,8 +167,12 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
   }
 }
 
-/// "dwa 40 %, sumo 60 %", or the policy's bare name where one drove all but a few.
+/// "dwa 40 %, sumo 60 %", or the policy's bare name where one drove all but a few. A penetration rate that
+/// was asked for names the run by it: what was drawn differs from seed to seed, and would tear the seeds
+/// apart.
 std::string DriversOf(const RunRecord& run) {
+  if (run.penetration > 0.0 && run.penetration < 1.0 && run.policy != "sumo")
+    return fmt::format("{} at {:.4g} %", run.policy, 100.0 * run.penetration);
   std::vector<std::string> parts;
   std::string last;
   for (const PolicyShare& share : run.shares) {

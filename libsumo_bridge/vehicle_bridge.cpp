@@ -7,6 +7,7 @@
 #include <unordered_set>
 
 #include "agents/core/check.h"
+#include "agents/core/random.h"
 #include "agents/sensing/road_view.h"
 #include "libsumo_bridge/sumo_frame.h"
 
@@ -72,12 +73,20 @@ Policy ParsePolicy(std::string_view name, std::string_view origin) {
   throw ConfigError(fmt::format("{}: unknown policy '{}'; allowed: sumo, idm, dwa", origin, name));
 }
 
+bool IsEquipped(const Penetration& penetration, std::string_view vehicle_id) {
+  const RandomStream stream(static_cast<std::uint64_t>(penetration.seed), HashText(vehicle_id),
+                            RandomPurpose::kPenetration, 0);
+  return stream.Uniform(0) < penetration.rate;
+}
+
 VehicleBridge::VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
-                             const AgentParams& params, Policy default_policy, Rules rules)
+                             const AgentParams& params, Policy default_policy, Rules rules,
+                             Penetration penetration)
     : network_(network),
       curves_(curves),
       params_(params),
       default_policy_(default_policy),
+      penetration_(penetration),
       rules_(rules),
       lane_guarded_(network.lanes.size()) {
   for (const Connection& connection : network.connections) {
@@ -100,7 +109,7 @@ Policy VehicleBridge::PolicyOf(const std::string& id, const std::string& type,
   if (!own.empty()) return ParsePolicy(own, fmt::format("vehicle '{}', param lanewise.policy", id));
   if (!it->second.empty())
     return ParsePolicy(it->second, fmt::format("vType '{}', param lanewise.policy", type));
-  return default_policy_;
+  return IsEquipped(penetration_, id) ? default_policy_ : Policy::kSumo;
 }
 
 const RoutePlan* VehicleBridge::PlanFor(const std::vector<std::string>& edges,
@@ -584,19 +593,6 @@ void VehicleBridge::ReadPersons(double time, Traffic* traffic) {
     now.heading[row] = HeadingFromSumo(libsumo::Person::getAngle(ids[k]));
     now.speed[row] = libsumo::Person::getSpeed(ids[k]);
     now.accel[row] = 0.0;
-  }
-}
-
-void VehicleBridge::HashState(const Traffic& traffic, StateHash* hash) const {
-  const Motion& now = traffic.now;
-  for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
-    hash->Add(static_cast<std::uint64_t>(traffic.number[row]));
-    hash->Add(static_cast<std::uint64_t>(now.lane[row]));
-    hash->Add(now.s[row]);
-    hash->Add(now.d[row]);
-    hash->Add(now.heading_error[row]);
-    hash->Add(now.speed[row]);
-    hash->Add(now.steering_angle[row]);
   }
 }
 

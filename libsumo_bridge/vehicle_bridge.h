@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "agents/agent_params.h"
-#include "agents/core/state_hash.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
 #include "agents/traffic.h"
@@ -20,6 +19,14 @@ namespace lanewise {
 /// Who answers for signals and right of way.
 enum class Rules : std::uint8_t { kSumo };
 inline constexpr std::string_view kRulesNames[] = {"sumo"};
+
+/// Which of the vehicles without a policy of their own get the run's policy; SUMO drives the others. Drawn by
+/// vehicle id, so a higher rate contains the vehicles of a lower one, whatever the policy.
+struct Penetration {
+  double rate{1.0};  ///< Share of vehicles, 0 to 1.
+  std::int64_t seed{0};
+};
+bool IsEquipped(const Penetration& penetration, std::string_view vehicle_id);
 
 /// A vehicle as SUMO knows it; what the results call it.
 struct VehicleRecord {
@@ -52,7 +59,7 @@ struct Departure {
 class VehicleBridge {
  public:
   VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params,
-                Policy default_policy, Rules rules);
+                Policy default_policy, Rules rules, Penetration penetration = {});
 
   /// After a SUMO step: takes in new vehicles, drops those that left, reads the rest into traffic->now.
   void Read(double time, double dt, Traffic* traffic);
@@ -75,8 +82,6 @@ class VehicleBridge {
   std::int64_t lane_end_halts() const { return lane_end_halts_; }
   /// Vehicles whose departure is due but which found no room yet.
   std::size_t pending() const { return pending_since_.size(); }
-  /// Feeds the motion of every vehicle, in row order.
-  void HashState(const Traffic& traffic, StateHash* hash) const;
 
  private:
   struct Stop {
@@ -127,6 +132,7 @@ class VehicleBridge {
   const std::vector<LaneCurve>& curves_;
   AgentParams params_;
   Policy default_policy_;
+  Penetration penetration_;
   Rules rules_;
   std::vector<bool> lane_guarded_;  // By lane: a normal lane's way out, or an internal lane, has conflicts.
   std::int32_t next_number_{0};

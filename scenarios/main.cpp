@@ -21,6 +21,7 @@
 #include "scenarios/report.h"
 #include "scenarios/run.h"
 #include "scenarios/ssm_bench.h"
+#include "scenarios/study.h"
 #include "scenarios/train.h"
 
 namespace lanewise {
@@ -31,7 +32,7 @@ constexpr int kOk = 0, kFailed = 1, kBadInput = 2, kInterrupted = 130;
 /// What `run`, `demo` and `bench city` share, as text: checked by Finish.
 struct RunOptions {
   std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, results, params_file,
-      output_folder;
+      output_folder, samples_file, safety{"full"};
   std::vector<std::string> assignments;
   std::optional<double> end;
   RunConfig config;
@@ -53,6 +54,10 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
          "A vType with <param key=\"lanewise.policy\" value=\"idm\"/> overrides it, so a vTypeDistribution "
          "mixes policies")
       ->capture_default_str();
+  app->add_option("--penetration", o->config.penetration,
+                  "share of vehicles, 0 to 1, that get the policy; SUMO drives the others. Drawn by vehicle "
+                  "id and seed: a higher rate contains the vehicles of a lower one")
+      ->capture_default_str();
   app->add_option("--rules", o->rules,
                   "who answers for signals and right of way: sumo (its checks guard the junctions)")
       ->capture_default_str();
@@ -71,6 +76,34 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
   app->add_flag("-q,--quiet", o->config.quiet, "no progress line");
 }
 
+/// Those and what only `run` has.
+void AddRunCommandOptions(CLI::App* app, RunOptions* o) {
+  AddRunOptions(app, o);
+  app->add_option("--results", o->results, "SQLite file that gains this run; created if it does not exist");
+  app->add_option("--sample-period", o->config.sample_period, "[s] between trajectory rows; 0 = every step")
+      ->capture_default_str();
+  app->add_option(
+         "--safety", o->safety,
+         "what is watched: off, contacts (who touches whom), full (contacts and encounters: TTC, DRAC, "
+         "PET and the rest)")
+      ->capture_default_str();
+  app->add_option("--edge-interval", o->config.edge_interval,
+                  "[s] of the intervals of flow, density and speed by edge; 0 = none")
+      ->capture_default_str();
+  app->add_option("--record-samples", o->samples_file,
+                  "CSV file of sector-scan samples for `lanewise train`: what each vehicle's lidar sees, and "
+                  "where it then goes");
+  app->add_option("--samples-period", o->config.samples.period, "[s] between scans of a vehicle")
+      ->capture_default_str();
+  app->add_option("--samples-horizon", o->config.samples.horizon, "[s] after which the way taken is judged")
+      ->capture_default_str();
+  app->add_option("--samples-shift", o->config.samples.min_shift,
+                  "[m] moved to a side within the horizon that make the way 'left' or 'right'")
+      ->capture_default_str();
+  app->add_option("--progress-fd", o->config.progress_fd, "open file to be told of progress, for programs")
+      ->group("");
+}
+
 /// Text to configuration. @throws ConfigError.
 RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   RunConfig config = o->config;
@@ -83,8 +116,10 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   config.policy = ParsePolicy(o->policy, "--policy");
   if (o->rules != "sumo")
     throw ConfigError(fmt::format("--rules: unknown value '{}'; allowed: sumo", o->rules));
+  config.safety_level = ParseSafetyLevel(o->safety);
   config.end = o->end;
   if (!o->results.empty()) config.results = o->results;
+  if (!o->samples_file.empty()) config.samples_file = o->samples_file;
   RunParams params{config.params, config.safety};
   if (!o->params_file.empty()) LoadParams(o->params_file, &params);
   for (const std::string& assignment : o->assignments) SetParamFromText(assignment, &params);
@@ -98,6 +133,31 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   config.sumo_options = sumo_options;
   Resolve(&config);
   return config;
+}
+
+/// What studies have to know of `lanewise run`.
+RunInterface DescribeRunCommand() {
+  RunInterface run;
+  RunOptions defaults;
+  CLI::App app;
+  AddRunCommandOptions(&app, &defaults);
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_lnames().empty() || option->get_group().empty()) continue;
+    run.options.push_back({option->get_lnames().front(), option->get_items_expected_max() == 0});
+  }
+  run.parse = [](std::vector<std::string> arguments, const std::vector<std::string>& sumo_options) {
+    RunOptions options;
+    CLI::App parser;
+    AddRunCommandOptions(&parser, &options);
+    std::reverse(arguments.begin(), arguments.end());
+    try {
+      parser.parse(arguments);
+    } catch (const CLI::ParseError& error) {
+      throw ConfigError(error.what());
+    }
+    return Finish(&options, sumo_options);
+  };
+  return run;
 }
 
 int Report(const RunConfig& config, const RunReport& report) {
@@ -186,33 +246,7 @@ int Main(int argc, char** argv) {
 
   RunOptions run_options, demo_options, bench_options;
   CLI::App* run = app.add_subcommand("run", "Drive one scenario and store the results");
-  AddRunOptions(run, &run_options);
-  run->add_option("--results", run_options.results,
-                  "SQLite file that gains this run; created if it does not exist");
-  run->add_option("--sample-period", run_options.config.sample_period,
-                  "[s] between trajectory rows; 0 = every step")
-      ->capture_default_str();
-  std::string safety{"full"};
-  run->add_option(
-         "--safety", safety,
-         "what is watched: off, contacts (who touches whom), full (contacts and encounters: TTC, DRAC, "
-         "PET and the rest)")
-      ->capture_default_str();
-  run->add_option("--edge-interval", run_options.config.edge_interval,
-                  "[s] of the intervals of flow, density and speed by edge; 0 = none")
-      ->capture_default_str();
-  std::string samples_file;
-  run->add_option("--record-samples", samples_file,
-                  "CSV file of sector-scan samples for `lanewise train`: what each vehicle's lidar sees, and "
-                  "where it then goes");
-  run->add_option("--samples-period", run_options.config.samples.period, "[s] between scans of a vehicle")
-      ->capture_default_str();
-  run->add_option("--samples-horizon", run_options.config.samples.horizon,
-                  "[s] after which the way taken is judged")
-      ->capture_default_str();
-  run->add_option("--samples-shift", run_options.config.samples.min_shift,
-                  "[m] moved to a side within the horizon that make the way 'left' or 'right'")
-      ->capture_default_str();
+  AddRunCommandOptions(run, &run_options);
   run->footer(
       "Examples:\n"
       "  lanewise run --scenario town --results town.sqlite\n"
@@ -266,6 +300,7 @@ int Main(int argc, char** argv) {
   AddReportCommand(&app, &chosen);
   AddTrainCommand(&app, &chosen);
   AddCalibrateCommand(&app, &chosen);
+  AddStudyCommand(&app, DescribeRunCommand(), &chosen);
 
   try {
     app.parse(own);
@@ -278,8 +313,6 @@ int Main(int argc, char** argv) {
   if (chosen) return chosen();
   SumoSession::EnsureHome();
   if (run->parsed()) {
-    run_options.config.safety_level = ParseSafetyLevel(safety);
-    if (!samples_file.empty()) run_options.config.samples_file = samples_file;
     const RunConfig config = Finish(&run_options, sumo_options);
     return Report(config, Run(config));
   }

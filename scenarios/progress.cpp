@@ -16,11 +16,12 @@ std::string Minutes(double seconds) {
 
 }  // namespace
 
-Progress::Progress(std::string label, std::optional<double> end, bool quiet)
+Progress::Progress(std::string label, std::optional<double> end, bool quiet, int fd)
     : label_(std::move(label)),
       end_(end),
       quiet_(quiet),
       terminal_(isatty(STDERR_FILENO) != 0),
+      fd_(fd),
       started_(Clock::now()),
       last_shown_(started_) {}
 
@@ -29,8 +30,14 @@ Progress::~Progress() {
 }
 
 void Progress::Update(double time, std::int64_t running, std::int64_t arrived, std::int64_t expected) {
-  if (quiet_) return;
   const auto now = Clock::now();
+  if (fd_ >= 0 && now - last_told_ >= std::chrono::milliseconds(250)) {
+    last_told_ = now;
+    const std::string line =
+        fmt::format("{} {} {} {} {}\n", time, end_.value_or(-1.0), running, arrived, expected);
+    if (::write(fd_, line.data(), line.size()) < 0) fd_ = -1;  // Nobody listens any more.
+  }
+  if (quiet_) return;
   const double since = std::chrono::duration<double>(now - last_shown_).count();
   if (since < (terminal_ ? 0.5 : 10.0)) return;
   last_shown_ = now;

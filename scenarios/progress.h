@@ -11,7 +11,9 @@ namespace lanewise {
 /// in place on a terminal, now and then a new line elsewhere.
 class Progress {
  public:
-  Progress(std::string label, std::optional<double> end, bool quiet);
+  /// @param fd open file that is told every quarter of a second: "time end running arrived expected\n", end
+  /// -1 if it is unknown; -1: none.
+  Progress(std::string label, std::optional<double> end, bool quiet, int fd = -1);
   ~Progress();
   /// @param expected vehicles running or waiting; arrived so far.
   void Update(double time, std::int64_t running, std::int64_t arrived, std::int64_t expected);
@@ -21,7 +23,8 @@ class Progress {
   std::string label_;
   std::optional<double> end_;
   bool quiet_, terminal_, shown_{false};
-  Clock::time_point started_, last_shown_;
+  int fd_;
+  Clock::time_point started_, last_shown_, last_told_;
 };
 
 }  // namespace lanewise

@@ -5,7 +5,6 @@
 
 #include <fmt/ranges.h>
 #include <chrono>
-#include <csignal>
 #include <memory>
 
 #include <nlohmann/json.hpp>
@@ -19,37 +18,14 @@
 
 #include "agents/agent_pipeline.h"
 #include "libsumo_bridge/sumo_session.h"
+#include "scenarios/interrupt.h"
 #include "scenarios/progress.h"
 #include "scenarios/recorder.h"
+#include "scenarios/state_trace.h"
+#include "scenarios/test_fault.h"
 
 namespace lanewise {
 namespace {
-
-volatile std::sig_atomic_t g_interrupted = 0;
-void OnSignal(int) {
-  g_interrupted = 1;
-}
-
-/// Turns SIGINT and SIGTERM into a flag while it lives; a second one ends the process as usual.
-class InterruptGuard {
- public:
-  InterruptGuard() {
-    g_interrupted = 0;
-    struct sigaction action {};
-    action.sa_handler = OnSignal;
-    action.sa_flags = static_cast<int>(SA_RESETHAND);
-    sigaction(SIGINT, &action, &old_int_);
-    sigaction(SIGTERM, &action, &old_term_);
-  }
-  ~InterruptGuard() {
-    sigaction(SIGINT, &old_int_, nullptr);
-    sigaction(SIGTERM, &old_term_, nullptr);
-  }
-
- private:
-  struct sigaction old_int_ {};
-  struct sigaction old_term_ {};
-};
 
 /// Adds the wall time of a call to a counter.
 template <class F>
@@ -59,9 +35,13 @@ void Timed(double* seconds, F&& f) {
   *seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-std::string HashFile(const std::filesystem::path& file) {
+std::string ReadText(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
-  const std::string content{std::istreambuf_iterator<char>(in), {}};
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::string HashFile(const std::filesystem::path& file) {
+  const std::string content = ReadText(file);
   return fmt::format("{:016x}", XXH3_64bits(content.data(), content.size()));
 }
 
@@ -70,6 +50,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.scenario = config.scenario;
   info.config_file = config.config_file.empty() ? config.net_file.string() : config.config_file.string();
   info.policy = kPolicyNames[static_cast<std::size_t>(config.policy)];
+  info.penetration = config.penetration;
   info.rules = kRulesNames[static_cast<std::size_t>(config.rules)];
   info.safety = kSafetyLevelNames[static_cast<std::size_t>(config.safety_level)];
   info.seed = config.seed;
@@ -82,6 +63,8 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   for (const ParamDescription& p : DescribeParams(RunParams{config.params, config.safety}))
     params[p.name] = p.value;
   for (const auto& file : InputFiles(config)) hashes[file.string()] = "xxh3:" + HashFile(file);
+  if (!config.config_file.empty()) info.config_text = ReadText(config.config_file);
+  info.arguments_json = nlohmann::ordered_json(RepeatArguments(config)).dump();
   info.parameters_json = params.dump();
   info.input_hashes_json = hashes.dump();
   info.lanewise_version = LANEWISE_VERSION;
@@ -109,6 +92,13 @@ std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_en
   return rows;
 }
 
+constexpr std::size_t kHashRowsPerWrite = 64;
+
+void WriteHashes(RunWriter* writer, StateTrace* trace) {
+  if (writer != nullptr) writer->Add(trace->rows());
+  trace->Clear();
+}
+
 }  // namespace
 
 RunReport Run(const RunConfig& config) {
@@ -127,11 +117,12 @@ RunReport Run(const RunConfig& config) {
   const std::vector<LaneCurve> curves = FitLaneCurves(network, fit);
   const std::vector<std::string> sumo_options = SumoCommandLine(effective);
   SumoSession session(sumo_options);
+  const TestFault fault(effective.seed);
   std::unique_ptr<RunWriter> writer;
   if (effective.results) {
     const RunInfo info = Describe(effective, sumo_options);
-    writer =
-        std::make_unique<RunWriter>(ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend), info);
+    writer = std::make_unique<RunWriter>(ResultsFile::Open(*effective.results, ResultsFile::Mode::kAppend),
+                                         info, WriterParams{.max_file_bytes = fault.max_file_bytes()});
   }
 
   std::unique_ptr<SampleRecorder> samples;
@@ -149,7 +140,8 @@ RunReport Run(const RunConfig& config) {
   Traffic traffic;
   Commands commands;
   AgentPipeline pipeline(network, curves, effective.params);
-  VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules);
+  VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
+                       {effective.penetration, effective.seed});
   const double dt = session.step_length();
   const double begin = session.time();
   Recorder recorder(network,
@@ -158,8 +150,8 @@ RunReport Run(const RunConfig& config) {
                     writer.get());
   Progress progress(
       fmt::format("{} [{}]", effective.scenario, kPolicyNames[static_cast<std::size_t>(effective.policy)]),
-      effective.end, effective.quiet);
-  StateHash hash;
+      effective.end, effective.quiet, effective.progress_fd);
+  StateTrace trace;
   RunReport report;
   RunOutcome& outcome = report.outcome;
   const InterruptGuard interrupt;
@@ -175,13 +167,15 @@ RunReport Run(const RunConfig& config) {
         Timed(&report.record_time,
               [&] { samples->Observe(outcome.steps, session.time(), dt, traffic, bridge); });
       }
-      bridge.HashState(traffic, &hash);
+      trace.Add(outcome.steps, traffic);
+      if (trace.rows().size() >= kHashRowsPerWrite) WriteHashes(writer.get(), &trace);
       Timed(&report.agent_time, [&] { pipeline.Step(dt, bridge.guarded(), &traffic, &commands); });
       Timed(&report.coupling_time, [&] { bridge.Write(dt, &traffic, commands); });
       ++outcome.steps;
       outcome.wall_time = outcome.sumo_time + report.coupling_time + report.agent_time + report.record_time;
       progress.Update(session.time(), recorder.running(), recorder.arrived(), session.ExpectedNumber());
-      if (g_interrupted) break;
+      fault.Step(session.time());
+      if (Interrupted()) break;
     }
   } catch (const std::exception& error) {
     if (writer)
@@ -197,8 +191,9 @@ RunReport Run(const RunConfig& config) {
     samples->Finish();
     report.samples = samples->count();
   }
-  outcome.status = g_interrupted ? RunStatus::kInterrupted : RunStatus::kFinished;
-  if (g_interrupted) outcome.message = fmt::format("interrupted at {:.1f} s", end);
+  WriteHashes(writer.get(), &trace);
+  outcome.status = Interrupted() ? RunStatus::kInterrupted : RunStatus::kFinished;
+  if (Interrupted()) outcome.message = fmt::format("interrupted at {:.1f} s", end);
   outcome.simulated_time = end - begin;
   outcome.vehicle_steps = recorder.vehicle_steps();
   outcome.agent_steps = recorder.agent_steps();
@@ -208,7 +203,7 @@ RunReport Run(const RunConfig& config) {
   outcome.teleported = bridge.teleports();
   outcome.still_running = recorder.running();
   outcome.not_inserted = static_cast<std::int64_t>(bridge.pending());
-  outcome.state_hash = hash.value();
+  outcome.state_hash = trace.hash();
   outcome.policy_shares = recorder.policy_shares();
   report.audit = bridge.audit();
   report.lane_end_halts = bridge.lane_end_halts();

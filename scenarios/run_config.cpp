@@ -198,6 +198,7 @@ void Resolve(RunConfig* config) {
   check("--step-length", config->step_length, 0.01, 1.0, "s");
   check("--threads", config->threads, 0, 1024, "threads");
   check("--sample-period", config->sample_period, 0, 86400, "s");
+  check("--penetration", config->penetration, 0, 1, "of the vehicles");
   check("--edge-interval", config->edge_interval, 0, 86400, "s");
   check("--seed", static_cast<double>(config->seed), 0, 2147483647.0, "");
   const SafetyParams& safety = config->safety;
@@ -269,6 +270,38 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   if (config.end) add("end", fmt::format("{}", *config.end));
   line.insert(line.end(), config.sumo_options.begin(), config.sumo_options.end());
   return line;
+}
+
+std::vector<std::string> RepeatArguments(const RunConfig& config) {
+  std::vector<std::string> arguments;
+  const auto add = [&](const char* option, std::string value) {
+    arguments.emplace_back(option);
+    arguments.push_back(std::move(value));
+  };
+  const auto absolute = [](const std::string& list) {
+    std::vector<std::string> files;
+    for (const fs::path& file : SplitFiles(list, "")) files.push_back(fs::absolute(file).string());
+    return fmt::format("{}", fmt::join(files, ","));
+  };
+  if (!config.config_file.empty()) {
+    add("--configuration-file", fs::absolute(config.config_file).string());
+  } else {
+    add("--net-file", fs::absolute(config.net_file).string());
+    add("--route-files", absolute(config.route_files));
+    if (!config.additional_files.empty()) add("--additional-files", absolute(config.additional_files));
+  }
+  add("--policy", std::string(kPolicyNames[static_cast<std::size_t>(config.policy)]));
+  add("--penetration", fmt::format("{}", config.penetration));
+  add("--rules", std::string(kRulesNames[static_cast<std::size_t>(config.rules)]));
+  add("--seed", fmt::format("{}", config.seed));
+  if (config.end) add("--end", fmt::format("{}", *config.end));
+  add("--step-length", fmt::format("{}", config.step_length));
+  add("--sample-period", fmt::format("{}", config.sample_period));
+  add("--safety", std::string(kSafetyLevelNames[static_cast<std::size_t>(config.safety_level)]));
+  add("--edge-interval", fmt::format("{}", config.edge_interval));
+  if (!config.sumo_options.empty()) arguments.emplace_back("--");
+  arguments.insert(arguments.end(), config.sumo_options.begin(), config.sumo_options.end());
+  return arguments;
 }
 
 namespace {

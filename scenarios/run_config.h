@@ -21,6 +21,7 @@ struct RunConfig {
   std::string route_files, additional_files;  ///< Comma-separated, as SUMO takes them.
   std::string scenario;                       ///< Name in the results.
   Policy policy{Policy::kDwa};
+  double penetration{1.0};  ///< Share of vehicles given the policy; 0 to 1.
   Rules rules{Rules::kSumo};
   std::int64_t seed{23423};                      ///< SUMO's default seed.
   std::optional<double> end;                     ///< [s]; nothing: the .sumocfg's, or until all have arrived.
@@ -36,6 +37,7 @@ struct RunConfig {
   AgentParams params;
   SafetyParams safety;
   bool quiet{false};
+  int progress_fd{-1};                    ///< Open file that is told of progress in lines; -1: none.
   std::vector<std::string> sumo_options;  ///< Passed to SUMO unchanged, last, so they win.
 };
 
@@ -65,6 +67,10 @@ std::vector<std::filesystem::path> InputFiles(const RunConfig& config);
 
 /// SUMO's command line for a resolved configuration.
 std::vector<std::string> SumoCommandLine(const RunConfig& config);
+
+/// Arguments of `lanewise run` that repeat a resolved configuration, with absolute paths; all but parameters,
+/// threads and where results go.
+std::vector<std::string> RepeatArguments(const RunConfig& config);
 
 /// --safety. @throws ConfigError naming what is allowed.
 SafetyLevel ParseSafetyLevel(std::string_view name);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <string_view>
 
 namespace lanewise {
 
@@ -14,7 +15,8 @@ enum class RandomPurpose : std::uint64_t {
   kTrainingSplit = 16,
   kInitialWeights = 17,
   kRandomNodes = 18,
-  kTrainingOrder = 19
+  kTrainingOrder = 19,
+  kPenetration = 32
 };
 
 /// SplitMix64's finaliser (Steele, Lea, Flood 2014): 64 well-mixed bits of a counter.
@@ -23,6 +25,13 @@ inline std::uint64_t MixBits(std::uint64_t z) {
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
   z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
   return z ^ (z >> 31);
+}
+
+/// 64 bits of a text (FNV-1a, mixed), for ids of SUMO's: the same in every build and on every machine.
+inline std::uint64_t HashText(std::string_view text) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+  return MixBits(hash);
 }
 
 /// Random numbers as a function of (seed, id, purpose, step) and a counter: the same for every number of

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,9 @@ namespace lanewise {
 /// The built `lanewise` as a child process; its outputs go to files.
 class ChildProcess {
  public:
-  explicit ChildProcess(const std::vector<std::string>& arguments) {
+  /// @param environment "NAME=VALUE" added to this process's.
+  explicit ChildProcess(const std::vector<std::string>& arguments,
+                        const std::vector<std::string>& environment = {}) {
     const std::string out = (folder_ / "stdout").string(), err = (folder_ / "stderr").string();
     std::vector<std::string> words{LANEWISE_BINARY};
     words.insert(words.end(), arguments.begin(), arguments.end());
@@ -26,6 +29,7 @@ class ChildProcess {
     if (pid_ == 0) {
       ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
       ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
+      for (const std::string& word : environment) ::putenv(const_cast<char*>(word.c_str()));
       ::execv(argv[0], argv.data());
       ::_exit(127);
     }
@@ -39,6 +43,7 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
+  pid_t pid() const { return pid_; }
   void Signal(int signal) const { ::kill(pid_, signal); }
   bool Running() {
     if (!ended_ && ::waitpid(pid_, &status_, WNOHANG) == pid_) ended_ = true;
