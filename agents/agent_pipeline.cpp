@@ -91,15 +91,30 @@ double ControlSteering(const AgentParams& params, const VehicleParams& vehicle, 
   return std::clamp(lagged, window.min, window.max);
 }
 
-/// Did the ego's front, in its last step, pass a vehicle that stands in the same lane?
-bool PassedHazard(const World& world, AgentIndex i, double progress) {
+/// Did the ego's front, in its last step, pass another of the same lane?
+bool PassedOnLane(const World& world, AgentIndex i, double progress) {
   const Traffic& traffic = *world.traffic;
-  const auto occupants = world.occupancy->On(traffic.now.lane[i]);
+  const LaneIndex lane = traffic.now.lane[i];
+  const auto occupants = world.occupancy->On(lane);
   const double s = traffic.now.s[i];
   // In this step or the last one: one step more costs nothing and covers SUMO's rounding.
   return std::any_of(occupants.begin(), occupants.end(), [&](const Occupant& o) {
-    return o.row != i && traffic.hazard[o.row] && o.s <= s && o.s > s - 2.0 * progress - 0.01;
+    return o.row != i && traffic.now.lane[o.row] == lane && o.s <= s && o.s > s - 2.0 * progress - 0.01 &&
+           traffic.now.speed[o.row] < traffic.now.speed[i];
   });
+}
+
+/// [m] as SUMO counts along lanes, of `progress` [m] along their paths.
+double LaneDistance(const World& world, const WayAhead& way, double s, double progress) {
+  double distance = 0.0;
+  for (int k = 0;; ++k) {
+    const LaneIndex lane = way.lanes[k].lane;
+    const double left = world.network->lanes[lane].length - (k == 0 ? s : 0.0);
+    const double scale = (*world.curves)[lane].scale();
+    if (progress <= left * scale || k + 1 == way.count) return distance + progress / scale;
+    progress -= left * scale;
+    distance += left;
+  }
 }
 
 }  // namespace
@@ -221,7 +236,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.accel[i] = (next_speed - speed) / dt;
   next.speed_ref[i] = std::max(0.0, speed + plan.accel * dt);
   next.steering_angle[i] = steering;
-  next.s[i] = now.s[i] + progress / curve.scale();
+  const double lane_distance = LaneDistance(world, way, now.s[i], progress);
+  next.s[i] = now.s[i] + lane_distance;
   next.lane[i] = now.lane[i];
   next.blinker[i] = tactics.blinker;
   next.urgent[i] = tactics.urgent;
@@ -229,9 +245,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.waited[i] = speed < kWalkingSpeed ? now.waited[i] + static_cast<float>(dt) : 0.0f;
   next.yielded_to[i] = tactics.yielded_to;
 
-  commands->lane_speed[i] = progress / curve.scale() / dt;
+  commands->lane_speed[i] = lane_distance / dt;
   commands->emergency[i] = next_speed < speed - vehicle.max_decel * dt - 1e-9;
-  commands->passed_on_lane[i] = PassedHazard(world, i, progress / curve.scale());
+  commands->passed_on_lane[i] = PassedOnLane(world, i, lane_distance);
   commands->change_lane[i] = tactics.lane_change;
   commands->change_shift[i] = tactics.change_shift;
 }

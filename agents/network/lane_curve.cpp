@@ -18,6 +18,7 @@ namespace {
 constexpr double kJointReach = 1.5;         // [m] farther apart, two lane ends are no common joint.
 constexpr double kCurvatureBase = 6.0;      // [m] of polyline that a joint's curvature is read from.
 constexpr double kMaxJointCurvature = 0.2;  // [1/m] beyond is digitising noise.
+constexpr double kNoticeableBend = 0.03;    // [1/m] of a lane's end.
 constexpr double kMaxSpeedCap = 100.0;      // [m/s]
 constexpr double kMinSegment = 1e-3;        // [m] vertices nearer than this are one.
 constexpr double kKnotSpacing = 1.0;        // [m] between the knots of a finished curve.
@@ -261,9 +262,9 @@ class JointTable {
   void DefineJoint(std::span<const std::int32_t> group) {
     if (group.empty()) return;
     const std::int32_t owner = Owner(group);
-    const PathPoint joint = JointAt(owner, Opposite(owner, group));
+    const PathPoint joint = JointAt(owner, Opposite(owner, group), group);
     for (const std::int32_t node : group) {
-      joints_[node] = IsNear(node, owner) ? joint : JointAt(node, kNone);
+      joints_[node] = IsNear(node, owner) ? joint : JointAt(node, kNone, {});
     }
   }
 
@@ -278,7 +279,24 @@ class JointTable {
     return kNone;
   }
 
-  PathPoint JointAt(std::int32_t node, std::int32_t opposite) const {
+  /// The straightest way on through the joint on an internal lane, where the lane of `node` bends one way
+  /// just before it and that way the other: the bend is digitising noise, which an arc must not continue.
+  std::int32_t CounterBend(std::int32_t node, double curvature, std::span<const std::int32_t> group) const {
+    std::int32_t straightest = kNone;
+    double least = 1e9;
+    for (const std::int32_t other : group) {
+      const Polyline& line = polylines_[LaneOf(other)];
+      if (IsEnd(other) == IsEnd(node) || !IsInternal(other) || line.length() < kCurvatureBase) continue;
+      const double at = IsEnd(other) ? line.length() - kCurvatureBase : 0.0;
+      const double bend = line.Curvature(at, at + 0.5 * kCurvatureBase, at + kCurvatureBase);
+      if (std::abs(bend) >= least) continue;
+      least = std::abs(bend);
+      straightest = bend * curvature < 0.0 ? other : kNone;
+    }
+    return straightest;
+  }
+
+  PathPoint JointAt(std::int32_t node, std::int32_t opposite, std::span<const std::int32_t> group) const {
     const Polyline& line = polylines_[LaneOf(node)];
     if (line.empty()) return {};
     const Point2 position = PositionOf(node);
@@ -289,6 +307,10 @@ class JointTable {
     const double base = std::min(kCurvatureBase, line.length());
     const double begin = IsEnd(node) ? at - base : 0.0;
     const double curvature = line.Curvature(begin, begin + base / 2.0, begin + base);
+    if (std::abs(curvature) > kNoticeableBend) {
+      const std::int32_t counter = CounterBend(node, curvature, group);
+      if (counter != kNone) return JointAt(node, counter, {});
+    }
     // A segment of a digitised arc is a chord: the arc's tangent at its end differs by half the angle it
     // spans.
     const double half_angle = 0.5 * curvature * std::min(line.SegmentLengthAt(at), base);

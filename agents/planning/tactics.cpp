@@ -26,6 +26,8 @@ constexpr double kLastRoom = 50.0;
 constexpr double kLetInReach = 50.0;
 /// [m] to a standing leader from which the ego can steer around its corner.
 constexpr double kTurnOutRoom = 5.0;
+/// [m] before its lane's end a vehicle stops that drives on to change places with the one beside it.
+constexpr double kSwapReserve = 1.0;
 /// [m] of its body a vehicle may have on the neighbour lane and still begin another change.
 constexpr double kBodyOver = 0.5;
 /// [m] by which positions on neighbour lanes may differ and still count as the same.
@@ -271,17 +273,16 @@ bool Asks(const Ego& ego, const Occupant& other, LaneIndex its_lane, int side) {
 void LetIn(const Ego& ego, const WayAhead& way, const Leader& leader, Tactics* tactics) {
   const Traffic& traffic = *ego.world.traffic;
   const double leader_front = leader.row == kNone ? 1e9 : leader.gap + traffic.params[leader.row].length;
-  const double reach = std::min(kLetInReach, leader_front);
   for (const int side : {-1, +1}) {
     bool done = false;
-    for (int k = 0; k < way.count && way.lanes[k].start < reach && !done; ++k) {
+    for (int k = 0; k < way.count && way.lanes[k].start < kLetInReach && !done; ++k) {
       const LaneIndex neighbor = ego.world.network->Neighbor(way.lanes[k].lane, side);
       if (neighbor == kNone || (k > 0 && ego.world.network->lanes[neighbor].length > 30.0)) continue;
       for (const Occupant& other : ego.world.occupancy->On(neighbor)) {
         const double front = way.lanes[k].start + Abeam((*ego.world.curves)[neighbor], other.s,
                                                         (*ego.world.curves)[way.lanes[k].lane]);
         if (front <= 0.0 || other.row == ego.row) continue;
-        if (front > reach) break;
+        if (front > kLetInReach) break;
         if (!Asks(ego, other, neighbor, side)) continue;
         // Whom SUMO drives asks for the follower's whole standstill gap.
         const double gap = front - traffic.params[other.row].length -
@@ -292,10 +293,12 @@ void LetIn(const Ego& ego, const WayAhead& way, const Leader& leader, Tactics* t
         const bool blocks_its_lane =
             traffic.now.speed[other.row] < kCrawlSpeed &&
             ego.world.network->lanes[neighbor].length - other.s < 2.0 * ego.params.lane_change.reserve;
+        const double decel = ego.params.lane_change.cooperation_decel;
+        // Between it and the ego drives another, who may be too fast to stop for it.
+        if (front > leader_front && (!blocks_its_lane || BrakingSpeed(gap, 0.0, decel) < ego.speed)) continue;
         done = true;
         if (tactics->yielded_to != kNone && tactics->yielded_to != number && !blocks_its_lane) break;
         tactics->yielded_to = number;
-        const double decel = ego.params.lane_change.cooperation_decel;
         tactics->speed_cap =
             std::min(tactics->speed_cap,
                      SoftCap(ego, FollowSpeed(ego, gap, traffic.now.speed[other.row], decel), decel));
@@ -305,11 +308,32 @@ void LetIn(const Ego& ego, const WayAhead& way, const Leader& leader, Tactics* t
   }
 }
 
+/// Of two that stand side by side, each in need of the other's lane, does the ego drive on to let both
+/// change? The one does that has less way to go until it is past the other.
+bool GoesFirst(const Ego& ego, int side, const Neighborhood& beside) {
+  const Traffic& traffic = *ego.world.traffic;
+  for (const Leader* other : {&beside.ahead, &beside.behind}) {
+    const AgentIndex row = other->row;
+    if (row == kNone || other->gap >= kStandingGap || other->speed >= kCrawlSpeed ||
+        !traffic.now.urgent[row] || traffic.now.blinker[row] != -side) {
+      continue;
+    }
+    const double its_length = traffic.params[row].length;
+    const double its_lead =
+        other == &beside.ahead ? other->gap + its_length : -(other->gap + ego.vehicle.length);
+    const double own_way = ego.vehicle.length + its_lead, its_way = its_length - its_lead;
+    return own_way < its_way || (own_way == its_way && traffic.number[ego.row] < traffic.number[row]);
+  }
+  return false;
+}
+
 /// A needed change: how fast one may go while it is not done.
 void PrepareChange(const Ego& ego, const NeededChange& needed, const Neighborhood& beside, double urgency,
                    Tactics* tactics) {
   const LaneChangeParams& p = ego.params.lane_change;
-  const double reserve = std::min(p.reserve * needed.count, 0.5 * ego.lane.length);
+  const double reserve = GoesFirst(ego, needed.side, beside)
+                             ? kSwapReserve
+                             : std::min(p.reserve * needed.count, 0.5 * ego.lane.length);
   // Stop where the lane can still be left, not at its end.
   tactics->speed_cap = std::min(
       tactics->speed_cap, SafeSpeed(needed.remaining - reserve, 0.0, ego.params.driving.comfort_decel, 0.5));

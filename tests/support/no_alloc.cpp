@@ -46,7 +46,8 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
 void* operator new[](std::size_t size, std::align_val_t alignment) {
   return Allocate(size, static_cast<std::size_t>(alignment));
 }
-// Without these a sanitizer's own nothrow forms would be paired with the deletes below; std::stable_sort uses them.
+// Without these a sanitizer's own nothrow forms would be paired with the deletes below; std::stable_sort uses
+// them.
 void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
   return TryAllocate(size, 1);
 }
