@@ -66,11 +66,35 @@ struct LidarParams {
 struct SectorParams {
   int min_points{10};
   double near_limit{0.1};
-  double standstill{5.0};
+  double standstill{3.5};
   double reaction_time{0.3};
   double decel{4.0};
-  double side_clearance{0.4};
+  double side_clearance{0.6};
   double side_range{8.5};
+  double turn_speed{2.5};
+  double stop_distance{0.8};
+  double flank_clearance{0.3};
+  double corner_clearance{0.2};
+};
+
+/// Artificial potential field.
+struct ApfParams {
+  double gain{6.0};
+  double range{8.0};
+};
+
+/// Driving on roads without lanes, among standing and moving things.
+struct OpenRoadParams {
+  double min_width{8.0};
+  double sight{70.0};
+  double max_course{0.8};
+  double decel{2.5};
+  double lateral_accel{3.0};
+  double steering_share{0.5};
+  double near_speed{4.0};
+  double moving_margin{0.5};
+  double pursuit_time{0.3};
+  double pursuit_distance{1.0};
 };
 
 /// Every parameter of the agents. The Visit table is the only declaration of name, unit, range,
@@ -82,6 +106,8 @@ struct AgentParams {
   ControlParams control;
   LidarParams lidar;
   SectorParams sector;
+  ApfParams apf;
+  OpenRoadParams open_road;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
@@ -178,7 +204,7 @@ struct AgentParams {
           "[A] 0.4 m on a small robot; a car may stand nearer to a wall");
     field("sector.standstill", p.sector.standstill, "m", Range{0.5, 30},
           "how far the avoidance zone reaches ahead at standstill",
-          "own choice: the turning circle of a car, about 5 m; [A] 0.6 m on a small robot");
+          "own choice: about the turning circle of a car; [A] 0.6 m on a small robot");
     field("sector.reaction_time", p.sector.reaction_time, "s", Range{0, 3},
           "the zone grows by speed x (this + scan period)", "own choice, the response time of the planner");
     field("sector.decel", p.sector.decel, "m/s^2", Range{0.5, 9}, "and by the braking distance at this",
@@ -187,6 +213,40 @@ struct AgentParams {
           "the front sectors' zone is the vehicle's width and this on both sides", "own choice");
     field("sector.side_range", p.sector.side_range, "m", Range{0.5, 30},
           "how far the other sectors' zone reaches at most", "own choice: a car's length and its turn");
+    field("sector.turn_speed", p.sector.turn_speed, "m/s", Range{0.5, 15},
+          "speed at which bp, bls and apf turn aside when the strip ahead is not free",
+          "own choice: the turning circle lies within the zone at standstill");
+    field("sector.stop_distance", p.sector.stop_distance, "m", Range{0.1, 10},
+          "bp, bls and apf stop where something is nearer ahead", "own choice");
+    field("sector.flank_clearance", p.sector.flank_clearance, "m", Range{0, 3},
+          "they do not turn so tightly that a flank would come nearer to anything", "own choice");
+    field("sector.corner_clearance", p.sector.corner_clearance, "m", Range{0, 3},
+          "just ahead, where the front sectors are narrower than the vehicle, this beside it must be free",
+          "own choice");
+    field("apf.gain", p.apf.gain, "m^3", Range{0, 1000},
+          "repulsion gain (1/r - 1/range) / r^2 against a pull of 1 along the road", "Khatib 1986, Eq. 16");
+    field("apf.range", p.apf.range, "m", Range{0.5, 30}, "farther edges do not repel", "Khatib 1986, Eq. 16");
+    field("open_road.min_width", p.open_road.min_width, "m", Range{4, 100},
+          "a lane so wide is driven freely: ways through standing things are searched on it",
+          "own choice: more than two lanes");
+    field("open_road.sight", p.open_road.sight, "m", Range{20, 80}, "how far ahead a way is searched",
+          "own choice");
+    field("open_road.max_course", p.open_road.max_course, "rad", Range{0.2, 1.0},
+          "greatest angle between course and open road", "own choice");
+    field("open_road.decel", p.open_road.decel, "m/s^2", Range{0.5, 9}, "braking before slow parts of a way",
+          "own choice, comfortable");
+    field("open_road.lateral_accel", p.open_road.lateral_accel, "m/s^2", Range{0.5, 9},
+          "sets the speed in the bends of a way", "own choice, comfortable");
+    field("open_road.steering_share", p.open_road.steering_share, "-", Range{0.1, 1},
+          "share of the steering rate a way may ask for, which sets its speed", "own choice");
+    field("open_road.near_speed", p.open_road.near_speed, "m/s", Range{0.5, 20},
+          "speed beside things nearer than dwa.clearance_comfort", "own choice");
+    field("open_road.moving_margin", p.open_road.moving_margin, "m", Range{0, 5},
+          "gap kept to what moves, as foreseen", "own choice");
+    field("open_road.pursuit_time", p.open_road.pursuit_time, "s", Range{0.05, 3},
+          "the front bumper aims at the point of the way this far ahead", "pure pursuit, Coulter 1992");
+    field("open_road.pursuit_distance", p.open_road.pursuit_distance, "m", Range{0.2, 20},
+          "and at least so far", "pure pursuit, Coulter 1992");
   }
 };
 

@@ -121,7 +121,7 @@ double LaneDistance(const World& world, const WayAhead& way, double s, double pr
 
 AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
                              const AgentParams& params)
-    : network_(network), curves_(curves), params_(params), occupancy_(network) {
+    : network_(network), curves_(curves), params_(params), occupancy_(network), avoider_(network, params) {
   for (int t = 0; t < omp_get_max_threads(); ++t) scratch_.push_back(std::make_unique<PlanScratch>());
 }
 
@@ -152,6 +152,7 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   }
   grid_.Build(center_x_, center_y_);
   occupancy_.Build(*traffic);
+  avoider_.BeginStep(*traffic);
   const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_};
   commands->Resize(n);
 #pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
@@ -163,7 +164,7 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
 }
 
 void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
-                              Traffic* traffic, Commands* commands) const {
+                              Traffic* traffic, Commands* commands) {
   const Motion& now = traffic->now;
   Motion& next = traffic->next;
   const VehicleParams& vehicle = traffic->params[i];
@@ -200,10 +201,16 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   const bool queued = speed < kStandingSpeed && leader.row != kNone && leader.speed < kStandingSpeed &&
                       leader.gap < vehicle.min_gap + kQueueGap && tactics.lane_change == 0;
   double leader_gap = leader.gap, leader_speed = leader.speed;
+  Avoider::Result avoided;
   if (!queued) {
     SenseRoad(world, i, way, horizon, !guarded, &scratch->view);
-    plan = traffic->policy[i] == Policy::kIdm ? PlanIdm(params_, context, scratch)
-                                              : PlanDwa(params_, context, scratch);
+    if (avoider_.Applies(world, i)) {
+      avoided = avoider_.Drive(world, i, leader, context, omp_get_thread_num(), scratch);
+      plan = avoided.plan;
+    } else {
+      plan = traffic->policy[i] == Policy::kIdm ? PlanIdm(params_, context, scratch)
+                                                : PlanDwa(params_, context, scratch);
+    }
     if (scratch->courses.leader_gap < leader_gap || plan.target_d != context.target_d) {
       leader_gap = scratch->courses.leader_gap;
       leader_speed = scratch->courses.leader_speed;
@@ -213,15 +220,17 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   }
 
   // Control.
-  const bool emergency =
-      plan.status == PlanStatus::kNoFeasibleCommand &&
-      speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25);
+  const bool emergency = avoided.emergency || (plan.status == PlanStatus::kNoFeasibleCommand &&
+                                               speed > SafeSpeed(leader_gap - 0.3, leader_speed,
+                                                                 vehicle.emergency_decel - 1.0, 0.25));
   next.speed_pid[i] = now.speed_pid[i];
   next.steering_pid[i] = now.steering_pid[i];
   const double accel = ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed,
                                     now.accel[i], dt, &next.speed_pid[i]);
-  const double steering = ControlSteering(params_, vehicle, plan.target_d - now.d[i], now.heading_error[i],
-                                          speed, now.steering_angle[i], dt, &next.steering_pid[i]);
+  const double steering =
+      avoided.steers ? SteerCourse(vehicle, avoided.course, now.heading_error[i], now.steering_angle[i], dt)
+                     : ControlSteering(params_, vehicle, plan.target_d - now.d[i], now.heading_error[i],
+                                       speed, now.steering_angle[i], dt, &next.steering_pid[i]);
 
   // Integrate.
   const LaneCurve& curve = curves_[now.lane[i]];

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "agents/agent_params.h"
+#include "agents/avoider.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
 #include "agents/planning/dwa.h"
@@ -27,16 +28,19 @@ class AgentPipeline {
   void Step(double dt, const std::vector<std::uint8_t>& guarded, Traffic* traffic, Commands* commands);
 
   const AgentParams& params() const { return params_; }
+  /// Networks and seed of the policies that see by lidar.
+  Avoider& avoider() { return avoider_; }
 
  private:
   void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
-                 Traffic* traffic, Commands* commands) const;
+                 Traffic* traffic, Commands* commands);
 
   const RoadNetwork& network_;
   const std::vector<LaneCurve>& curves_;
   AgentParams params_;
   LaneOccupancy occupancy_;
   SpatialGrid grid_{20.0};
+  Avoider avoider_;
   std::vector<double> center_x_, center_y_;
   std::vector<std::unique_ptr<PlanScratch>> scratch_;  // By thread.
 };

@@ -13,8 +13,8 @@
 namespace lanewise {
 
 /// Avoidance policy of a vehicle.
-enum class Policy : std::uint8_t { kSumo, kIdm, kDwa };
-inline constexpr std::string_view kPolicyNames[] = {"sumo", "idm", "dwa"};
+enum class Policy : std::uint8_t { kSumo, kIdm, kDwa, kBp, kBls, kBpDwa, kApf };
+inline constexpr std::string_view kPolicyNames[] = {"sumo", "idm", "dwa", "bp", "bls", "bp_dwa", "apf"};
 
 /// What changes of a vehicle from step to step: column i of every vector is row i of Traffic.
 /// A step reads `now` and writes `next`; agent i writes only row i.

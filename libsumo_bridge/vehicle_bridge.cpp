@@ -1,5 +1,7 @@
 #include "libsumo_bridge/vehicle_bridge.h"
 
+#include <fmt/format.h>
+
 #include <libsumo/libsumo.h>
 
 #include <algorithm>
@@ -70,7 +72,8 @@ Policy ParsePolicy(std::string_view name, std::string_view origin) {
   for (std::size_t i = 0; i < std::size(kPolicyNames); ++i) {
     if (kPolicyNames[i] == name) return static_cast<Policy>(i);
   }
-  throw ConfigError(fmt::format("{}: unknown policy '{}'; allowed: sumo, idm, dwa", origin, name));
+  throw ConfigError(
+      fmt::format("{}: unknown policy '{}'; allowed: {}", origin, name, fmt::join(kPolicyNames, ", ")));
 }
 
 bool IsEquipped(const Penetration& penetration, std::string_view vehicle_id) {

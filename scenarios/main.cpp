@@ -13,6 +13,7 @@
 #include "agents/core/check.h"
 #include "analysis/results_file.h"
 #include "libsumo_bridge/sumo_session.h"
+#include "scenarios/arena.h"
 #include "scenarios/calibrate.h"
 #include "scenarios/city_bench.h"
 #include "scenarios/compare.h"
@@ -50,7 +51,10 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
       "a network shipped with Lanewise: town, merge, roundabout, priority_crossing, breakdown, arena");
   app->add_option(
          "--policy", o->policy,
-         "who drives: dwa (Dynamic Window), idm (Intelligent Driver Model), sumo (native, the baseline).\n"
+         "who drives: dwa (Dynamic Window), bp_dwa (a network picks the side, the window searches there), "
+         "bp, bls\n"
+         "(networks on the sector code alone), apf (potential field), idm (Intelligent Driver Model),\n"
+         "sumo (native, the baseline).\n"
          "A vType with <param key=\"lanewise.policy\" value=\"idm\"/> overrides it, so a vTypeDistribution "
          "mixes policies")
       ->capture_default_str();
@@ -285,6 +289,7 @@ int Main(int argc, char** argv) {
   ssm->footer(
       "Example: lanewise bench ssm -c bologna/acosta/run.sumocfg --end 600 --differences differences.csv\n"
       "With its device on every vehicle SUMO is about ten times slower.");
+  const std::function<int()> run_arena = AddArenaCommand(&app);
   std::string results_file;
   CLI::App* info = app.add_subcommand("info", "What a results file holds: runs, policies, counts");
   info->add_option("RESULTS", results_file, "SQLite file")->required();
@@ -323,6 +328,7 @@ int Main(int argc, char** argv) {
   }
   if (city->parsed()) return BenchCity(Finish(&bench_options, sumo_options), thread_counts) ? kOk : kFailed;
   if (ssm->parsed()) return BenchSsm(Finish(&ssm_options, sumo_options), differences_file) ? kOk : kFailed;
+  if (app.got_subcommand("arena")) return run_arena();
   if (info->parsed()) {
     fmt::print("{}", FormatInfo(results_file, LoadRunSummaries(results_file)));
     return kOk;

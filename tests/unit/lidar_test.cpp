@@ -184,6 +184,8 @@ TEST(SectorCode, SectorsRunFromLeftToRight) {
 // + 12.5.
 TEST(AvoidanceZone, GrowsWithReactionAndBraking) {
   AgentParams params;
+  params.sector.standstill = 5.0;
+  params.sector.side_clearance = 0.4;
   EXPECT_NEAR(ZoneForSpeed(params, 1.8, 0.0).far, 5.0, 1e-12);
   EXPECT_NEAR(ZoneForSpeed(params, 1.8, 10.0).far, 20.75, 1e-12);
   EXPECT_NEAR(ZoneForSpeed(params, 1.8, 10.0, 10.0).far, 8.25, 1e-12);

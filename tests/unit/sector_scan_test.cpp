@@ -15,6 +15,14 @@ struct Seen {
   SectorScan scan;
 };
 
+/// The zone reaches 5 m ahead at standstill.
+AgentParams Params() {
+  AgentParams params;
+  params.sector.standstill = 5.0;
+  params.sector.side_clearance = 0.4;
+  return params;
+}
+
 Seen Look(Scene* scene, const AgentParams& params, double leader_speed = 0.0) {
   const World world = scene->Look();
   const WayAhead way = LookAhead(world, 0, 80.0);
@@ -37,7 +45,7 @@ TEST(SectorScan, BordersAreThoseOfTheRoad) {
   const RoadNetwork network = ChainNet(1, 2, 500.0);
   Scene scene(network);
   scene.Add({"e0"}, 0, 200.0, 0.0);
-  const Seen seen = Look(&scene, {});
+  const Seen seen = Look(&scene, Params());
   EXPECT_NEAR(seen.ranges[180], 1.6, 0.01);  // -90 deg
   EXPECT_NEAR(seen.ranges[900], 4.8, 0.01);  // +90 deg
   EXPECT_EQ(seen.ranges[540], std::numeric_limits<double>::infinity());
@@ -52,11 +60,11 @@ TEST(SectorScan, VehiclesAheadAndBeside) {
   Scene scene(network);
   scene.Add({"e0"}, 0, 200.0, 0.0);
   scene.Add({"e0"}, 1, 207.0, 0.0);
-  const Seen beside = Look(&scene, {});
+  const Seen beside = Look(&scene, Params());
   EXPECT_EQ(beside.scan.code & 0b00011000, 0b00011000);
   EXPECT_EQ(beside.scan.code & 0b00000111, 0);
   scene.Add({"e0"}, 0, 209.0, 0.0);  // 5 m long: rear at 204.
-  const Seen ahead = Look(&scene, {});
+  const Seen ahead = Look(&scene, Params());
   EXPECT_NEAR(ahead.ranges[540], 4.0, 1e-6);
   EXPECT_EQ(ahead.scan.code & 0b00011000, 0);
 }
@@ -67,8 +75,8 @@ TEST(SectorScan, ALeaderAtTheSameSpeedDoesNotBlock) {
   Scene scene(network);
   scene.Add({"e0"}, 0, 200.0, 10.0);
   scene.Add({"e0"}, 0, 220.0, 10.0);
-  EXPECT_EQ(Look(&scene, {}).scan.code & 0b00011000, 0);
-  EXPECT_EQ(Look(&scene, {}, 10.0).scan.code & 0b00011000, 0b00011000);
+  EXPECT_EQ(Look(&scene, Params()).scan.code & 0b00011000, 0);
+  EXPECT_EQ(Look(&scene, Params(), 10.0).scan.code & 0b00011000, 0b00011000);
 }
 
 // Persons are rows behind the vehicles; they reflect as boxes of their size.
@@ -86,7 +94,7 @@ TEST(SectorScan, PersonsReflect) {
   traffic.now.heading[person] = 0.0;
   traffic.now.x[person] = traffic.now.x[0] + 3.0;
   traffic.now.y[person] = traffic.now.y[0];
-  const Seen seen = Look(&scene, {});
+  const Seen seen = Look(&scene, Params());
   EXPECT_NEAR(seen.ranges[540], 2.7, 1e-6);
 }
 

@@ -1,0 +1,147 @@
+#include "agents/avoider.h"
+
+#include <omp.h>
+
+#include <algorithm>
+
+#include "agents/sector_net/weight_file.h"
+
+namespace lanewise {
+namespace {
+
+bool ScansSectors(Policy policy) {
+  return policy == Policy::kBp || policy == Policy::kBls || policy == Policy::kBpDwa ||
+         policy == Policy::kApf;
+}
+
+/// [m] a chosen side moves a course aimed at within a lane.
+constexpr double kLaneShift = 1.0;
+/// [m] beside the wanted position that still count as straight on.
+constexpr double kStraightOn = 0.3;
+
+}  // namespace
+
+Avoider::Avoider(const RoadNetwork& network, const AgentParams& params)
+    : params_(params), lidar_(params.lidar) {
+  for (LaneIndex lane = 0; lane < static_cast<LaneIndex>(network.lanes.size()); ++lane)
+    has_open_roads_ = has_open_roads_ || IsOpenRoad(network, lane, params.open_road);
+  for (int t = 0; t < omp_get_max_threads(); ++t) scratch_.push_back(std::make_unique<Scratch>());
+  static const AvoidanceTable bp = TableOf(DefaultBpNet()), bls = TableOf(DefaultBlsNet());
+  SetTables(bp, bls);
+}
+
+Avoider::~Avoider() = default;
+
+void Avoider::SetTables(const AvoidanceTable& bp, const AvoidanceTable& bls) {
+  bp_ = bp;
+  bls_ = bls;
+}
+
+void Avoider::BeginStep(const Traffic& traffic) {
+  ++step_;
+  if (has_open_roads_ && memory_.size() < traffic.vehicle_count) memory_.resize(traffic.vehicle_count);
+}
+
+bool Avoider::Applies(const World& world, AgentIndex ego) const {
+  const Policy policy = world.traffic->policy[ego];
+  return ScansSectors(policy) ||
+         (policy == Policy::kDwa && has_open_roads_ &&
+          IsOpenRoad(*world.network, world.traffic->now.lane[ego], params_.open_road));
+}
+
+Avoider::Result Avoider::Drive(const World& world, AgentIndex ego, const Leader& leader, PlanContext context,
+                               int thread, PlanScratch* scratch) {
+  const Traffic& traffic = *world.traffic;
+  const Policy policy = traffic.policy[ego];
+  Scratch& own = *scratch_[static_cast<std::size_t>(thread)];
+  SectorScan scan;
+  Avoidance advice = Avoidance::kForward;
+  if (ScansSectors(policy)) {
+    const ScanErrors errors(params_.lidar, seed_, traffic.number[ego], step_);
+    scan = ScanSectors(world, ego, scratch->way, scratch->view, params_, lidar_,
+                       leader.row == kNone ? 0.0 : leader.speed, errors, &own.reflectors);
+    if (scan.code != 0) advice = (policy == Policy::kBls ? bls_ : bp_)[scan.code];
+  }
+  Result result;
+  const bool open = has_open_roads_ && leader.row == kNone &&
+                    IsOpenRoad(*world.network, traffic.now.lane[ego], params_.open_road);
+  if (open && DriveOpenRoad(world, ego, context, scan, advice, &own, &result)) return result;
+  result.plan = ScansSectors(policy) ? DriveInLane(world, ego, context, scan, advice, own, scratch)
+                                     : PlanDwa(params_, context, scratch);
+  return result;
+}
+
+WayMemory& Avoider::Remember(const World& world, AgentIndex ego) {
+  WayMemory& memory = memory_[static_cast<std::size_t>(ego)];
+  const std::int32_t number = world.traffic->number[ego];
+  if (memory.vehicle != number) {  // Another vehicle's row before.
+    memory.vehicle = number;
+    memory.advice = Avoidance::kForward;
+    memory.way.count = 0;
+  }
+  return memory;
+}
+
+bool Avoider::DriveOpenRoad(const World& world, AgentIndex ego, const PlanContext& context,
+                            const SectorScan& scan, Avoidance advice, Scratch* scratch, Result* result) {
+  SenseOpenRoad(world, ego, params_.open_road.sight, &scratch->open);
+  const OpenRoadView& view = scratch->open;
+  if (view.vehicles) return false;
+  OpenRoadPlan plan;
+  switch (world.traffic->policy[ego]) {
+    case Policy::kBp:
+    case Policy::kBls:
+      plan = DriveBySectors(world, ego, params_, context.free_speed, scan, advice, scratch->reflectors,
+                            &Remember(world, ego).advice);
+      break;
+    case Policy::kApf:
+      plan = DriveByPotential(world, ego, params_, context.free_speed, context.target_d, scan,
+                              scratch->reflectors);
+      break;
+    default:
+      if (view.standing.empty() && view.moving.empty()) return false;
+      plan = PlanOpenRoad(world, ego, params_, context.free_speed, context.target_d, advice, view,
+                          &scratch->search, &Remember(world, ego));
+  }
+  result->plan = {plan.accel, context.d, PlanStatus::kOk};
+  result->steers = true;
+  result->course = plan.course;
+  result->emergency = plan.emergency;
+  return true;
+}
+
+Plan Avoider::DriveInLane(const World& world, AgentIndex ego, PlanContext c, const SectorScan& scan,
+                          Avoidance advice, const Scratch& scratch, PlanScratch* plan_scratch) const {
+  const Policy policy = world.traffic->policy[ego];
+  const bool nothing_free = scan.code == 0;
+  const auto within = [&](double d) { return std::clamp(d, c.corridor_min, c.corridor_max); };
+  if (policy == Policy::kBpDwa) {
+    // The network picks the part of the corridor, the window searches there.
+    const double from = std::min(c.d, c.target_d), to = std::max(c.d, c.target_d);
+    if (nothing_free) {
+      c.corridor_min = c.corridor_max = c.target_d;
+    } else if (advice == Avoidance::kLeft) {
+      c.corridor_min = within(from);
+    } else if (advice == Avoidance::kRight) {
+      c.corridor_max = within(to);
+    } else {
+      c.corridor_min = within(from - kStraightOn);
+      c.corridor_max = within(to + kStraightOn);
+    }
+    Plan plan = PlanDwa(params_, c, plan_scratch);
+    if (nothing_free && plan.status == PlanStatus::kOk) plan.accel = std::min(plan.accel, 0.0);
+    return plan;
+  }
+  if (!AheadIsFree(scan.code) && !nothing_free) {
+    if (policy == Policy::kApf) {
+      c.target_d = within(c.d + ShiftByPotential(params_, *c.vehicle, scratch.reflectors));
+    } else if (advice != Avoidance::kForward) {
+      c.target_d = within(c.d + (advice == Avoidance::kLeft ? kLaneShift : -kLaneShift));
+    }
+  }
+  Plan plan = PlanIdm(params_, c, plan_scratch);
+  if (nothing_free) plan.accel = std::min(plan.accel, 0.0);
+  return plan;
+}
+
+}  // namespace lanewise
