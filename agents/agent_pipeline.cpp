@@ -117,6 +117,18 @@ double LaneDistance(const World& world, const WayAhead& way, double s, double pr
   }
 }
 
+/// [1/m] mean curvature of the path over the next `distance` [m]. A joint of decimetres may bend by much: who
+/// passes it in one step must neither miss it nor take it for a long bend.
+double CurvatureAhead(const World& world, AgentIndex i, const WayAhead& way, double distance) {
+  constexpr double kLeastDistance = 0.2;  // [m]
+  const Motion& now = world.traffic->now;
+  if (distance < kLeastDistance) return now.curvature[i];
+  int k = 0;
+  while (k + 1 < way.count && way.lanes[k + 1].start <= distance) ++k;
+  const double heading = (*world.curves)[way.lanes[k].lane].At(distance - way.lanes[k].start).heading;
+  return WrapAngle(heading - (now.heading[i] - now.heading_error[i])) / distance;
+}
+
 }  // namespace
 
 AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
@@ -237,8 +249,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   RoadPose pose{now.s[i] * curve.scale(), now.d[i], now.heading_error[i]};
   double next_speed = speed;
   const double slip = SlipAngle(steering, vehicle.wheelbase, vehicle.rear_axle_to_front);
+  const double curvature = CurvatureAhead(world, i, way, speed * dt);
   const double progress =
-      StepBicycleOnRoad(accel, slip, vehicle.rear_axle_to_front, now.curvature[i], dt, &pose, &next_speed);
+      StepBicycleOnRoad(accel, slip, vehicle.rear_axle_to_front, curvature, dt, &pose, &next_speed);
   next.d[i] = pose.d;
   next.heading_error[i] = pose.heading_error;
   next.speed[i] = next_speed;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/core/geometry.h"
 #include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
@@ -83,11 +84,16 @@ void SamplePath(const World& world, const WayAhead& way, double horizon, RoadVie
     place(n, s, own.At(s - way.lanes[0].start));
   }
   int k = 0;
+  double heading = 0.0;
   for (int n = 0; n < kPathNodes; ++n) {
     const double ahead = n * static_cast<double>(view->spacing);
     while (k + 1 < way.count && way.lanes[k + 1].start <= ahead) ++k;
     const PathPoint point = (*world.curves)[way.lanes[k].lane].At(ahead - way.lanes[k].start);
     place(kNodesBehind + n, ahead, point);
+    // The mean from node to node: a joint of decimetres that bends by much is neither missed nor overrated.
+    if (n > 0)
+      view->curvature[n - 1] = static_cast<float>(WrapAngle(point.heading - heading)) / view->spacing;
+    heading = point.heading;
     view->curvature[n] = static_cast<float>(point.curvature);
   }
 }

@@ -67,6 +67,43 @@ TEST(AgentPipeline, RowsAreSmall) {
   EXPECT_GE(AgentStateBytes(), 2 * 12 * sizeof(double));  // Two motions of at least twelve doubles.
 }
 
+/// Two straight edges of 100 m that meet at an angle of 0.24 rad in an internal lane of 1 m, whose shape is
+/// twice as long as SUMO counts.
+RoadNetwork KinkNet() {
+  return LoadNetText(R"(<net version="1.9">
+    <edge id=":J_0" function="internal">
+      <lane id=":J_0_0" index="0" speed="13.89" length="0.5" shape="100,0 100.5,0.05 101,0.1"/></edge>
+    <edge id="a" from="A" to="J">
+      <lane id="a_0" index="0" speed="13.89" length="100" shape="0,0 100,0"/></edge>
+    <edge id="b" from="J" to="B">
+      <lane id="b_0" index="0" speed="13.89" length="100" shape="101,0.1 198.13,23.87"/></edge>
+    <junction id="A" type="dead_end" incLanes="" intLanes=""/>
+    <junction id="B" type="dead_end" incLanes="b_0" intLanes=""/>
+    <junction id="J" type="priority" incLanes="a_0" intLanes=":J_0_0">
+      <request index="0" response="0" foes="0" cont="0"/></junction>
+    <connection from="a" to="b" fromLane="0" toLane="0" via=":J_0_0" dir="s" state="M"/>
+    <connection from=":J_0" to="b" fromLane="0" toLane="0" dir="s" state="M"/>
+  </net>)");
+}
+
+// It may be on the short lane or step over it: neither may throw it forward, aside or round.
+TEST(AgentPipeline, AShortLaneThatBendsIsPassedSmoothly) {
+  const RoadNetwork network = KinkNet();
+  for (double start = 70.0; start < 71.4; start += 0.2) {
+    Fleet fleet(network);
+    fleet.Add({"a", "b"}, 0, start, 13.0);
+    for (int k = 0; k < 50; ++k) {
+      const Motion before = fleet.traffic.now;
+      fleet.Step(kDt);
+      const Motion& now = fleet.traffic.now;
+      ASSERT_LE(std::hypot(now.x[0] - before.x[0], now.y[0] - before.y[0]), 14.5 * kDt) << start;
+      ASSERT_LE(std::abs(WrapAngle(now.heading[0] - before.heading[0])), 0.15) << start;
+      ASSERT_LE(std::abs(now.d[0]), 0.6) << start;
+    }
+    EXPECT_EQ(fleet.traffic.now.lane[0], network.FindLane("b_0"));
+  }
+}
+
 TEST(AgentPipeline, AFreeVehicleReachesTheLimitOnItsPath) {
   const RoadNetwork network = ChainNet(1, 1, 1000.0);
   Fleet fleet(network);

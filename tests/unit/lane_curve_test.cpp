@@ -236,6 +236,45 @@ TEST(LaneCurve, ASoleTurnIsRoundedToWhatVehiclesCanFollow) {
   EXPECT_NEAR(shared[in].At(50.0).y, 0.0, 1e-6);
 }
 
+// A lane of 3.2 m and one that comes towards it 1.6 m beside it: each keeps to its right, by half of what
+// lacks but at most 0.7 m. Where they are far enough apart nothing moves.
+TEST(LaneCurve, OpposingCarriagewaysDigitisedTooNearAreParted) {
+  LaneNet net;
+  const LaneIndex east = net.Add({{0.0, 0.0}, {200.0, 0.0}});
+  const LaneIndex west = net.Add({{200.0, 3.2}, {100.0, 1.6}, {0.0, 1.6}});
+  const auto curves = net.Fit();
+  EXPECT_NEAR(curves[east].At(50.0).y, -0.7, 0.05);
+  EXPECT_NEAR(curves[west].At(150.0).y, 1.6 + 0.7, 0.05);
+  EXPECT_NEAR(curves[east].At(195.0).y, 0.0, 0.1);
+  net.network.left_hand = true;  // There the other is on the far side: nothing is in the way.
+  const auto left = net.Fit();
+  EXPECT_NEAR(left[east].At(50.0).y, 0.0, 1e-6);
+}
+
+TEST(LaneCurve, LanesInOneDirectionStayWhereTheyAre) {
+  LaneNet net;
+  const LaneIndex lane = net.Add({{0.0, 0.0}, {200.0, 0.0}});
+  net.Add({{0.0, 1.6}, {200.0, 1.6}});
+  EXPECT_NEAR(net.Fit()[lane].At(50.0).y, 0.0, 1e-6);
+}
+
+// The lane's last 2.5 m bend to the right by 0.35 rad, the way on bends back: the arc is not continued past
+// the lane's end, as that of a real bend is.
+TEST(LaneCurve, ABendThatIsTakenBackAtTheJunctionIsNotContinued) {
+  LaneNet net;
+  const LaneIndex in = net.Add({{-60.0, 0.0}, {-7.0, 0.5}, {-2.4, 0.6}, {0.0, -0.3}});
+  const LaneIndex through = net.Add({{0.0, -0.3}, {5.5, -1.2}, {10.0, -1.0}, {14.0, 0.0}}, true);
+  const LaneIndex out = net.Add({{14.0, 0.0}, {60.0, 12.0}});
+  net.Connect(in, out, through);
+  net.Connect(through, out);
+  const auto curves = net.Fit();
+  ExpectSmoothJoint(curves[in], curves[through], "into the junction");
+  const double chord = std::atan2(-1.2 - 0.6, 5.5 + 2.4);
+  EXPECT_NEAR(curves[through].At(0.0).heading, chord,
+              0.12);  // The last piece alone: -0.36 rad, less its bend.
+  EXPECT_GT(curves[in].SpeedCap(59.0), 9.0);
+}
+
 // The left lane begins 20 m further back and both count 300 m: 100 m on the one is 120 * 300 / 320 on the
 // other.
 TEST(LaneCurve, AbeamOnALaneThatBeginsElsewhere) {

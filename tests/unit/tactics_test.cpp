@@ -111,6 +111,35 @@ TEST_F(TacticsTest, WhoBlocksItsLanesEndIsAlwaysLetIn) {
   EXPECT_LT(tactics.speed_cap, 10.0);
 }
 
+// A queue passes one that stands at its lane's end. Who follows so closely that it cannot stop drives on; the
+// first that can stop comfortably waits, though another is between.
+TEST_F(TacticsTest, AMovingQueueLetsInWhoBlocksItsLanesEnd) {
+  scene_.Add({"a", "b"}, 1, 345.0, 6.0);
+  scene_.Add({"a", "c"}, 0, 386.0, 0.0);  // Its rear is at 381 m.
+  scene_.Add({"a", "b"}, 1, 373.0, 6.0);
+  scene_.traffic().now.urgent[1] = 1;
+  scene_.traffic().now.blinker[1] = 1;
+  EXPECT_EQ(scene_.Decide(0).yielded_to, scene_.traffic().number[1]);
+  scene_.traffic().now.s[2] = 377.0;
+  scene_.traffic().now.s[0] = 375.0;  // 6 m are less than 6^2 / (2 * 2) m.
+  EXPECT_EQ(scene_.Decide(0).yielded_to, kNone);
+}
+
+// Side by side, each in the lane the other needs: the car, which is past the bus after less way, drives on
+// past where it would have waited, the bus stays.
+TEST_F(TacticsTest, TwoThatNeedEachOthersLaneChangePlaces) {
+  const AgentParams params;
+  scene_.Add({"a", "c"}, 1, 400.0 - params.lane_change.reserve, 0.0);
+  scene_.Add({"a", "b"}, 0, 400.0 - params.lane_change.reserve, 0.0);
+  scene_.traffic().params[1].length = 12.0;
+  EXPECT_LT(scene_.Decide(0).speed_cap, 0.5);  // Nobody has said anything yet.
+  for (const AgentIndex i : {0, 1}) scene_.traffic().now.urgent[i] = 1;
+  scene_.traffic().now.blinker[0] = -1;
+  scene_.traffic().now.blinker[1] = 1;
+  EXPECT_GT(scene_.Decide(0).speed_cap, 2.0);
+  EXPECT_LT(scene_.Decide(1).speed_cap, 0.5);
+}
+
 // The one that asks is 15 m ahead too, but behind the next junction, on an edge of 25 m: pieces of a
 // roundabout are no longer than that.
 TEST(TacticsChain, LetsInBehindTheJunctionToo) {
