@@ -236,28 +236,6 @@ TEST(LaneCurve, ASoleTurnIsRoundedToWhatVehiclesCanFollow) {
   EXPECT_NEAR(shared[in].At(50.0).y, 0.0, 1e-6);
 }
 
-// A lane of 3.2 m and one that comes towards it 1.6 m beside it: each keeps to its right, by half of what
-// lacks but at most 0.7 m. Where they are far enough apart nothing moves.
-TEST(LaneCurve, OpposingCarriagewaysDigitisedTooNearAreParted) {
-  LaneNet net;
-  const LaneIndex east = net.Add({{0.0, 0.0}, {200.0, 0.0}});
-  const LaneIndex west = net.Add({{200.0, 3.2}, {100.0, 1.6}, {0.0, 1.6}});
-  const auto curves = net.Fit();
-  EXPECT_NEAR(curves[east].At(50.0).y, -0.7, 0.05);
-  EXPECT_NEAR(curves[west].At(150.0).y, 1.6 + 0.7, 0.05);
-  EXPECT_NEAR(curves[east].At(195.0).y, 0.0, 0.1);
-  net.network.left_hand = true;  // There the other is on the far side: nothing is in the way.
-  const auto left = net.Fit();
-  EXPECT_NEAR(left[east].At(50.0).y, 0.0, 1e-6);
-}
-
-TEST(LaneCurve, LanesInOneDirectionStayWhereTheyAre) {
-  LaneNet net;
-  const LaneIndex lane = net.Add({{0.0, 0.0}, {200.0, 0.0}});
-  net.Add({{0.0, 1.6}, {200.0, 1.6}});
-  EXPECT_NEAR(net.Fit()[lane].At(50.0).y, 0.0, 1e-6);
-}
-
 // The lane's last 2.5 m bend to the right by 0.35 rad, the way on bends back: the arc is not continued past
 // the lane's end, as that of a real bend is.
 TEST(LaneCurve, ABendThatIsTakenBackAtTheJunctionIsNotContinued) {
