@@ -55,11 +55,13 @@ std::string ReasonToLeaveOut(const RunRecord& run, const CompareParams& params) 
   return "";
 }
 
+using RunsByLabel = std::map<std::string, RunsByKey, LabelOrder>;
+
 /// Runs that may be averaged, by label and pair key; says in the notes what is left out and what to beware
 /// of.
-std::map<std::string, RunsByKey> SelectRuns(const std::vector<const RunRecord*>& runs,
-                                            const CompareParams& params, ScenarioComparison* out) {
-  std::map<std::string, RunsByKey> selected;
+RunsByLabel SelectRuns(const std::vector<const RunRecord*>& runs, const CompareParams& params,
+                       ScenarioComparison* out) {
+  RunsByLabel selected;
   for (const RunRecord* run : runs) {
     if (const std::string reason = ReasonToLeaveOut(*run, params); !reason.empty()) {
       out->notes.push_back(fmt::format("left out: {} {}", Name(*run), reason));
@@ -231,7 +233,7 @@ void NoteUnpaired(const RunsByKey& baseline, const std::string& baseline_name, c
                                : fmt::format("SUMO's options: '{}' and '{}'", a->options, b->options)));
 }
 
-void NoteDrivers(const std::map<std::string, RunsByKey>& selected, ScenarioComparison* out) {
+void NoteDrivers(const RunsByLabel& selected, ScenarioComparison* out) {
   for (const auto& [label, runs] : selected) {
     std::set<std::string> versions;
     std::size_t unfinished = 0, waiting = 0, teleporting = 0;
@@ -267,7 +269,7 @@ ScenarioComparison CompareScenario(const std::string& scenario, const std::vecto
   ScenarioComparison out;
   out.scenario = scenario;
   out.metrics = metrics;
-  const std::map<std::string, RunsByKey> selected = SelectRuns(runs, params, &out);
+  const RunsByLabel selected = SelectRuns(runs, params, &out);
   if (selected.empty()) {
     out.notes.push_back("no run is left to compare");
     return out;
@@ -364,7 +366,7 @@ std::map<std::string, std::vector<const RunRecord*>> ByScenario(std::span<const 
 }
 
 void CheckBaseline(std::span<const RunRecord> runs, const std::string& baseline, const char* option) {
-  std::set<std::string> labels;
+  std::set<std::string, LabelOrder> labels;
   for (const RunRecord& run : runs) labels.insert(run.label);
   if (!baseline.empty() && labels.count(baseline) == 0)
     throw ConfigError(
@@ -457,7 +459,7 @@ std::vector<AaResult> RunAaTest(std::span<const RunRecord> runs, const std::stri
   std::vector<AaResult> results;
   for (const auto& [scenario, group] : ByScenario(runs)) {
     ScenarioComparison ignored;
-    const std::map<std::string, RunsByKey> selected = SelectRuns(group, params, &ignored);
+    const RunsByLabel selected = SelectRuns(group, params, &ignored);
     const auto chosen = selected.find(label), other = selected.find(against);
     if (chosen == selected.end() || (!against.empty() && other == selected.end())) continue;
     Population population;

@@ -289,7 +289,7 @@ std::string EscapeLatex(const std::string& text) {
 }
 
 std::string LatexTable(const std::vector<Line>& lines, const std::string& caption) {
-  std::string text = "\\begin{table}\n  \\centering\n";
+  std::string text = "\\begin{table}\n  \\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}\n";
   text += fmt::format("  \\caption{{{}}}\n  \\begin{{tabular}}{{l{}}}\n    \\toprule\n", EscapeLatex(caption),
                       std::string(lines[0].size() - 1, 'r'));
   for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -308,7 +308,9 @@ std::string LatexTable(const std::vector<Line>& lines, const std::string& captio
 }
 
 std::string FormatLatex(const Comparison& c) {
-  std::string text = "% Needs \\usepackage{booktabs}.\n";
+  std::string text =
+      "% Needs \\usepackage{booktabs}; as wide as a page in landscape (pdflscape) or as two columns "
+      "(table*).\n";
   for (const ScenarioComparison& s : c.scenarios) {
     const std::string partial = s.partial ? " (partial)" : "";
     for (const PolicyComparison& policy : s.policies) {

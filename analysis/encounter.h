@@ -21,11 +21,14 @@ inline constexpr std::string_view kEncounterTypeNames[] = {"following",  "mergin
                                                            "side_swipe", "straddling", "oncoming"};
 
 /// SUMO's code of the type (docs: Simulation/Output/SSM_Device) as its device.ssm gives it for the ego
-/// vehicle, which follows or comes second. SUMO knows no straddling: it is its ON_ADJACENT_LANES too.
-constexpr std::int32_t SumoTypeCode(EncounterType type, bool contact) {
-  constexpr std::int32_t kCodes[] = {2, 7, 11, 4, 4, 20};
-  return contact ? 111 : kCodes[static_cast<std::size_t>(type)];
+/// vehicle. An encounter's ego follows or comes second; at another moment of it ego may lead. SUMO knows no
+/// straddling: it is its ON_ADJACENT_LANES too.
+constexpr std::int32_t SumoTypeCode(EncounterType type, bool contact, bool ego_leads = false) {
+  constexpr std::int32_t kFollows[] = {2, 7, 11, 4, 4, 20};
+  constexpr std::int32_t kLeads[] = {3, 6, 10, 4, 4, 20};
+  return contact ? 111 : (ego_leads ? kLeads : kFollows)[static_cast<std::size_t>(type)];
 }
+inline constexpr std::int32_t kSumoNoConflict = 0;  ///< SUMO's NOCONFLICT_AHEAD.
 
 /// How serious an encounter was.
 enum class Severity : std::uint8_t {
@@ -85,6 +88,9 @@ struct EncounterSample {
   std::int32_t encounter{0};  ///< Encounter::number.
   double time{0.0};           ///< [s]
   State first, second;
+  double ttc{Encounter::kUndefined};        ///< [s] at this moment, as in Encounter; so the next.
+  double drac{0.0};                         ///< [m/s^2]
+  std::int32_t type_code{kSumoNoConflict};  ///< SumoTypeCode seen by the encounter's ego, while close.
 };
 
 }  // namespace lanewise

@@ -58,6 +58,9 @@ std::vector<RunGroup> Groups(std::span<const RunRecord> runs) {
   }
   std::vector<RunGroup> list;
   for (auto& [key, group] : groups) list.push_back(std::move(group));
+  std::stable_sort(list.begin(), list.end(), [](const RunGroup& a, const RunGroup& b) {
+    return a.scenario == b.scenario ? LabelOrder()(a.label, b.label) : a.scenario < b.scenario;
+  });
   return list;
 }
 
@@ -294,7 +297,7 @@ std::string BuildReport(std::span<const RunRecord> runs, const CompareParams& pa
     data[list] = Json::array();
   data["networks"] = Json::object();
   Files files;
-  std::set<std::string> labels;
+  std::set<std::string, LabelOrder> labels;
   for (const RunRecord& run : runs) labels.insert(run.label);
   for (const std::string& label : labels) data["labels"].push_back(label);
   for (const RunGroup& group : Groups(runs)) {

@@ -6,6 +6,8 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
+#include <thread>
 #include <array>
 #include <chrono>
 #include <fstream>
@@ -23,6 +25,18 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kBusyTimeoutMs = 30'000;  // Another process's commit takes a fraction of a second.
+
+/// SQLite's busy handler: waits up to kBusyTimeoutMs, and says so when it takes long. 0: given up.
+int WaitForLock(void* database, int tries) {
+  constexpr int kPauseMs = 50, kSayAfterMs = 2000;
+  const int waited = kPauseMs * tries;
+  if (waited >= kBusyTimeoutMs) return 0;
+  if (waited == kSayAfterMs)
+    fmt::print(stderr, "lanewise: results file {}: another process has it locked; waiting up to {} s\n",
+               sqlite3_db_filename(static_cast<sqlite3*>(database), "main"), kBusyTimeoutMs / 1000);
+  std::this_thread::sleep_for(std::chrono::milliseconds(kPauseMs));
+  return 1;
+}
 
 [[noreturn]] void Refuse(const fs::path& path, const std::string& found) {
   throw ConfigError(fmt::format("results file {}: {}", path.string(), found));
@@ -244,7 +258,8 @@ const char* TableOf(const EncounterSample&) {
 }
 void BindRow(const EncounterSample& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.encounter, r.time, r.first.x, r.first.y, r.first.heading, r.first.speed, r.first.accel,
-       r.second.x, r.second.y, r.second.heading, r.second.speed, r.second.accel);
+       r.second.x, r.second.y, r.second.heading, r.second.speed, r.second.accel,
+       OrNull(r.ttc, Encounter::kUndefined), OrNull(r.drac, 0.0), r.type_code);
 }
 
 const char* TableOf(const EdgeRow&) {
@@ -406,7 +421,8 @@ ResultsFile ResultsFile::Open(const fs::path& path, Mode mode) {
     // One thread at a time uses the connection (RunWriter hands it over): SQLite's locks cost a quarter of
     // the time.
     const int flags = access | SQLite::OPEN_NOMUTEX;
-    auto database = std::make_unique<SQLite::Database>(path.string(), flags, kBusyTimeoutMs);
+    auto database = std::make_unique<SQLite::Database>(path.string(), flags);
+    sqlite3_busy_handler(database->getHandle(), WaitForLock, database->getHandle());
     if (mode == Mode::kAppend) {
       CreateSchemaIfEmpty(database.get());
       database->exec("PRAGMA journal_mode = WAL");

@@ -28,7 +28,7 @@ class Database;
 namespace lanewise {
 
 inline constexpr std::uint32_t kResultsApplicationId = 0x4C414E45;  ///< 'LANE', as in results_schema.sql.
-inline constexpr std::uint32_t kSchemaVersion = 3;                  ///< user_version, likewise.
+inline constexpr std::uint32_t kSchemaVersion = 4;                  ///< user_version, likewise.
 
 /// An open results file. Everything that fails throws ConfigError naming the file, what was found and what is
 /// allowed.

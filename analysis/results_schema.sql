@@ -3,7 +3,7 @@
 -- user_version (and kSchemaVersion in results_file.h).
 
 PRAGMA application_id = 0x4C414E45;  -- 'LANE': marks a Lanewise results file.
-PRAGMA user_version = 3;
+PRAGMA user_version = 4;
 
 -- One row a run: what was run, on what, and how it ended. status 'running' with no process behind it: killed.
 CREATE TABLE run (
@@ -218,6 +218,9 @@ CREATE TABLE encounter_sample (
   second_heading_rad REAL NOT NULL,
   second_speed_mps REAL NOT NULL,
   second_accel_mps2 REAL NOT NULL,
+  ttc_s REAL,                          -- Of this moment; NULL: not below the threshold.
+  drac_mps2 REAL,
+  type_code INTEGER NOT NULL,          -- SUMO's, seen by the encounter's ego; 0: beyond no threshold.
   PRIMARY KEY (run_id, encounter, time_s)
 ) WITHOUT ROWID;
 
@@ -364,33 +367,3 @@ LEFT JOIN (SELECT run_id, COUNT(*) AS collisions,
 LEFT JOIN (SELECT run_id, COUNT(*) AS encounters, SUM(near_miss) AS near_misses, MIN(min_ttc_s) AS min_ttc_s
            FROM encounter GROUP BY run_id) AS e ON e.run_id = run.run_id
 ORDER BY run.run_id;
-
--- Rates of a run, per vehicle-kilometre and vehicle-hour driven by all vehicles together.
-CREATE VIEW v_run_rates AS
-SELECT s.run_id, s.scenario, s.policy, s.rules, s.seed, s.status,
-       t.vehicle_km, t.vehicle_h,
-       1e3 * s.collisions / t.vehicle_km AS collisions_per_1000_km, 1e3 * s.collisions / t.vehicle_h AS collisions_per_1000_h,
-       s.encounters / t.vehicle_km AS encounters_per_km, s.encounters / t.vehicle_h AS encounters_per_h,
-       e.serious / t.vehicle_km AS serious_encounters_per_km, e.serious / t.vehicle_h AS serious_encounters_per_h,
-       s.near_misses / t.vehicle_km AS near_misses_per_km, s.near_misses / t.vehicle_h AS near_misses_per_h,
-       t.ttc_exposed_s / t.vehicle_h AS ttc_exposed_s_per_h,
-       s.hard_braking_count / t.vehicle_km AS hard_brakings_per_km, s.hard_braking_count / t.vehicle_h AS hard_brakings_per_h,
-       t.stops / t.vehicle_km AS stops_per_km, t.stops / t.vehicle_h AS stops_per_h,
-       t.time_loss_s / t.vehicle_km AS time_loss_s_per_km,
-       t.vehicle_km / t.vehicle_h AS mean_speed_km_per_h,
-       1e-3 * t.co2_mg / t.vehicle_km AS co2_g_per_km, 1e-3 * t.co2_mg / t.vehicle_h AS co2_g_per_h,
-       t.nox_mg / t.vehicle_km AS nox_mg_per_km, t.nox_mg / t.vehicle_h AS nox_mg_per_h,
-       t.pmx_mg / t.vehicle_km AS pmx_mg_per_km, t.pmx_mg / t.vehicle_h AS pmx_mg_per_h,
-       1e-3 * t.fuel_mg / t.vehicle_km AS fuel_g_per_km, 1e-3 * t.fuel_mg / t.vehicle_h AS fuel_g_per_h,
-       t.electricity_wh / t.vehicle_km AS electricity_wh_per_km,
-       t.electricity_wh / t.vehicle_h AS electricity_wh_per_h
-FROM v_run_summary AS s
-JOIN (SELECT run_id, NULLIF(SUM(route_length_m) / 1e3, 0.0) AS vehicle_km, NULLIF(SUM(duration_s) / 3600.0, 0.0) AS vehicle_h,
-             SUM(waiting_count) AS stops, SUM(time_loss_s) AS time_loss_s, SUM(ttc_exposed_s) AS ttc_exposed_s,
-             SUM(co2_mg) AS co2_mg, SUM(nox_mg) AS nox_mg, SUM(pmx_mg) AS pmx_mg, SUM(fuel_mg) AS fuel_mg,
-             SUM(electricity_wh) AS electricity_wh
-      FROM trip GROUP BY run_id) AS t ON t.run_id = s.run_id
-LEFT JOIN (SELECT run.run_id, CASE WHEN run.safety = 'full' THEN
-                    (SELECT COUNT(*) FROM encounter WHERE encounter.run_id = run.run_id AND severity >= 2) END AS serious
-           FROM run) AS e ON e.run_id = s.run_id
-ORDER BY s.run_id;

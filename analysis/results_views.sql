@@ -2,7 +2,8 @@
 -- them; Lanewise's own commands define them anew for older files, without writing.
 
 -- One row a run with every measure `lanewise compare` knows; rates are over all that was driven, means named so over
--- arrived vehicles only.
+-- arrived vehicles only. Rates per hour of driving come last; `lanewise compare` leaves them out, as they ask what those
+-- per kilometre ask.
 CREATE VIEW v_run_metrics (
   run_id,
   scenario,
@@ -39,7 +40,19 @@ CREATE VIEW v_run_metrics (
   nox_g_per_km,
   pmx_g_per_km,
   fuel_g_per_km,
-  electricity_wh_per_km
+  electricity_wh_per_km,
+  stops_per_h,              -- Here and below: per hour driven by all vehicles together.
+  contacts_per_1000h,
+  junction_contacts_per_1000h,
+  near_misses_per_h,
+  encounters_per_h,
+  serious_encounters_per_h,
+  hard_braking_per_h,
+  co2_g_per_h,
+  nox_g_per_h,
+  pmx_g_per_h,
+  fuel_g_per_h,
+  electricity_wh_per_h
 ) AS
 SELECT run.run_id, run.scenario, run.policy, run.seed, run.status,
        shares.agent_share, COALESCE(mid_block.count, 0),
@@ -56,11 +69,19 @@ SELECT run.run_id, run.scenario, run.policy, run.seed, run.status,
        CASE WHEN run.safety = 'full' THEN 1e3 * COALESCE(e.serious, 0) / t.some_km END,
        CASE WHEN run.safety = 'full' THEN t.ttc_exposed_s / NULLIF(t.hours, 0.0) END,
        1e2 * t.hard_braking / t.some_km, t.jerk_mps3, t.max_lateral_accel_mps2,
-       t.co2_g / t.some_km, t.nox_g / t.some_km, t.pmx_g / t.some_km, t.fuel_g / t.some_km, t.electricity_wh / t.some_km
+       t.co2_g / t.some_km, t.nox_g / t.some_km, t.pmx_g / t.some_km, t.fuel_g / t.some_km, t.electricity_wh / t.some_km,
+       t.stops / t.some_h,
+       CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.outside, 0) / t.some_h END,
+       CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.inside, 0) / t.some_h END,
+       CASE WHEN run.safety = 'full' THEN COALESCE(e.near_misses, 0) / t.some_h END,
+       CASE WHEN run.safety = 'full' THEN COALESCE(e.encounters, 0) / t.some_h END,
+       CASE WHEN run.safety = 'full' THEN COALESCE(e.serious, 0) / t.some_h END,
+       t.hard_braking / t.some_h,
+       t.co2_g / t.some_h, t.nox_g / t.some_h, t.pmx_g / t.some_h, t.fuel_g / t.some_h, t.electricity_wh / t.some_h
 FROM run
 LEFT JOIN (SELECT run_id, SUM(trip_end = 'arrived') AS arrived,
                   SUM(route_length_m) / 1e3 AS km, NULLIF(SUM(route_length_m) / 1e3, 0.0) AS some_km,
-                  SUM(duration_s) / 3600.0 AS hours,
+                  SUM(duration_s) / 3600.0 AS hours, NULLIF(SUM(duration_s) / 3600.0, 0.0) AS some_h,
                   AVG(CASE WHEN trip_end = 'arrived' THEN time_loss_s END) AS time_loss_s,
                   AVG(CASE WHEN trip_end = 'arrived' THEN duration_s END) AS travel_time_s,
                   AVG(CASE WHEN trip_end = 'arrived' THEN waiting_time_s END) AS waiting_time_s,

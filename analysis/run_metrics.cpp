@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
+#include <tuple>
 
 #include "agents/core/check.h"
 #include "analysis/results_views.h"  // Generated from results_views.sql.
@@ -252,6 +254,16 @@ void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
       if (by_file) same[i]->label = fmt::format("{}:{}", same[i]->file.stem().string(), same[i]->label);
     }
   }
+}
+
+bool LabelOrder::operator()(const std::string& a, const std::string& b) const {
+  const auto key = [](const std::string& label) {
+    const std::string drivers = label.substr(0, label.find(" ["));
+    const std::size_t at = drivers.rfind(" at ");
+    const double rate = at == std::string::npos ? 100.0 : std::strtod(drivers.c_str() + at + 4, nullptr);
+    return std::tuple(drivers.substr(0, at), rate, label);
+  };
+  return key(a) < key(b);
 }
 
 std::vector<RunRecord> LoadRuns(std::span<const fs::path> files, bool by_file) {

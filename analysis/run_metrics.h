@@ -71,6 +71,11 @@ std::vector<RunRecord> LoadRuns(std::span<const std::filesystem::path> files, bo
 /// where vehicles of several policies drove, and the parameters and rules in which runs of one policy differ.
 void LabelRuns(bool by_file, std::vector<RunRecord>* runs);
 
+/// Orders labels for people: by policy, then by penetration rate; a policy's bare name is its rate of 100 %.
+struct LabelOrder {
+  bool operator()(const std::string& a, const std::string& b) const;
+};
+
 /// The SQL of results_views.sql, each view as TEMP: for a connection that may only read.
 std::string TemporaryViews();
 

@@ -156,6 +156,16 @@ std::vector<Event> TakeEnded(double last_seen, EndOf&& end_of,
   return ended;
 }
 
+/// SUMO's code of a type with its roles exchanged.
+std::int32_t SeenByTheOther(std::int32_t code) {
+  constexpr std::pair<std::int32_t, std::int32_t> kRoles[] = {{2, 3}, {6, 7}, {10, 11}};
+  for (const auto& [a, b] : kRoles) {
+    if (code == a) return b;
+    if (code == b) return a;
+  }
+  return code;
+}
+
 bool IsDefined(double value) {
   return value != Encounter::kUndefined;
 }
@@ -624,8 +634,11 @@ SafetyMonitor::OpenEncounter& SafetyMonitor::Open(std::int32_t first, std::int32
 }
 
 void SafetyMonitor::UpdateEncounter(const TrafficFrame& frame, const ClosePair& pair) {
-  Encounter& e = Open(pair.first, pair.second, frame.time).encounter;
+  OpenEncounter& open = Open(pair.first, pair.second, frame.time);
+  Encounter& e = open.encounter;
   e.end = frame.time;
+  if (open.now_time < frame.time || pair.ttc < open.now.ttc) open.now = pair;
+  open.now_time = frame.time;
   const auto i = static_cast<std::size_t>(pair.first_row), j = static_cast<std::size_t>(pair.second_row);
   const bool undefined = !IsDefined(e.min_ttc) && !IsDefined(e.pet);
   if (pair.ttc < e.min_ttc || (undefined && pair.drac > e.max_drac)) {
@@ -704,10 +717,18 @@ void SafetyMonitor::UpdateOpenEncounters(const TrafficFrame& frame) {
       e.min_distance = distance;
       e.min_distance_time = frame.time;
     }
-    if (is_snapshot_ && (open.samples.empty() || open.samples.back().time < frame.time)) {
+    if (!is_snapshot_) continue;
+    if (open.samples.empty() || open.samples.back().time < frame.time) {
       const Snapshot& now = snapshots_.back();
       open.samples.push_back({0, frame.time, now.rows[first], now.rows[second]});
     }
+    if (open.now_time < frame.time) continue;
+    EncounterSample& sample = open.samples.back();
+    if (open.now.ttc < params_.ttc_encounter) sample.ttc = open.now.ttc;
+    sample.drac = open.now.drac;
+    // Who is ego is known only when the encounter closes: here seen by the first one.
+    sample.type_code =
+        SumoTypeCode(open.now.type, open.now.depth > params_.contact_depth, !open.now.ego_is_first);
   }
 }
 
@@ -755,6 +776,7 @@ void SafetyMonitor::CloseEncounter(OpenEncounter* open) {
     if (sample.time < e.critical - params_.event_before || sample.time > e.critical + params_.event_after)
       continue;
     sample.encounter = e.number;
+    if (!e.ego_is_first) sample.type_code = SeenByTheOther(sample.type_code);
     finished_samples_.push_back(sample);
   }
 }

@@ -133,6 +133,8 @@ class SafetyMonitor {
   struct OpenEncounter {
     Encounter encounter;
     std::vector<EncounterSample> samples;  // In order of time, of all of it.
+    ClosePair now{};                       // Its measures when it last was beyond a threshold,
+    double now_time{-1.0};                 // [s] and when that was; < 0: never.
   };
   /// All road users at one moment.
   struct Snapshot {

@@ -94,7 +94,60 @@ std::string StateColumns(const char* element, const char* condition, bool person
                        column("t.accel_mps2", "acceleration"));
 }
 
-TableSpec SpecOf(ExportTable table) {
+/// The event recorder's samples of each encounter as device.ssm writes trajectories: a value a sample, with
+/// spaces between. Spans are for XML; a table of them would be of no use to anybody.
+std::string SpanColumns() {
+  const auto span = [](const char* element, const char* name) {
+    return fmt::format(", s.{} AS {}_values", name, element);
+  };
+  return span("timeSpan", "times") + span("typeSpan", "types") + span("egoPosition", "ego_xy") +
+         span("egoVelocity", "ego_v") + span("foePosition", "foe_xy") + span("foeVelocity", "foe_v") +
+         span("conflictPoint", "points");
+}
+
+/// What SpanColumns and the two spans of measures read, one row an encounter. The conflict point is SUMO's
+/// for following, the leader's rear; else the encounter's place.
+std::string SpanTable() {
+  const auto of = [](const char* role, const char* text) {
+    const bool ego = std::string_view(role) == "ego";
+    std::string sql = fmt::format("CASE WHEN (e.ego_vehicle = e.first_vehicle) = {} THEN ", ego ? 1 : 0);
+    for (const char* who : {"first", "second"}) {
+      std::string expression = text;
+      for (std::size_t at; (at = expression.find('@')) != std::string::npos;)
+        expression.replace(at, 1, fmt::format("c.{}_", who));
+      sql += expression + (std::string_view(who) == "first" ? " ELSE " : " END");
+    }
+    return sql;
+  };
+  const char* position = "printf('%.2f,%.2f', @x_m, @y_m)";
+  const char* velocity =
+      "printf('%.2f,%.2f', @speed_mps * cos(@heading_rad), @speed_mps * sin(@heading_rad))";
+  const char* rear =
+      "printf('%.2f,%.2f', @x_m - f.length_m * cos(@heading_rad), @y_m - f.length_m * sin(@heading_rad))";
+  // A group's rows come in the order of the inner query.
+  return fmt::format(
+      " LEFT JOIN (SELECT run_id, encounter, group_concat(time, ' ') AS times, group_concat(type, ' ') AS "
+      "types, "
+      "group_concat(ego_xy, ' ') AS ego_xy, group_concat(ego_v, ' ') AS ego_v, group_concat(foe_xy, ' ') AS "
+      "foe_xy, "
+      "group_concat(foe_v, ' ') AS foe_v, group_concat(point, ' ') AS points, group_concat(ttc, ' ') AS "
+      "ttcs, "
+      "group_concat(drac, ' ') AS dracs FROM (SELECT c.run_id, c.encounter, "
+      "printf('%.2f', c.time_s - run.step_length_s) AS time, c.type_code AS type, {} AS ego_xy, {} AS ego_v, "
+      "{} AS "
+      "foe_xy, {} AS foe_v, CASE WHEN e.type = 'following' THEN {} ELSE printf('%.2f,%.2f', e.x_m, e.y_m) "
+      "END AS "
+      "point, COALESCE(printf('%.2f', c.ttc_s), 'NA') AS ttc, COALESCE(printf('%.2f', c.drac_mps2), 'NA') AS "
+      "drac "
+      "FROM encounter_sample AS c JOIN encounter AS e USING (run_id, encounter) JOIN run USING (run_id) JOIN "
+      "vehicle "
+      "AS f ON f.run_id = e.run_id AND f.vehicle_number = e.foe_vehicle WHERE {{run}} ORDER BY c.run_id, "
+      "c.encounter, "
+      "c.time_s) GROUP BY run_id, encounter) AS s ON s.run_id = e.run_id AND s.encounter = e.encounter",
+      of("ego", position), of("ego", velocity), of("foe", position), of("foe", velocity), of("foe", rear));
+}
+
+TableSpec SpecOf(ExportTable table, bool xml) {
   switch (table) {
     case ExportTable::kTrips:
       return {
@@ -133,18 +186,31 @@ TableSpec SpecOf(ExportTable table) {
                   "lane AS l ON "
                   "l.run_id = t.run_id AND l.lane = t.lane WHERE {run} ORDER BY t.rowid"};
     case ExportTable::kEncounters: {
-      const auto extreme = [](const char* element, const char* value, const char* time) {
+      // SUMO writes NA for what is undefined; in a table an empty field says so.
+      const auto extreme = [xml](const char* element, const char* value, const char* time) {
+        const auto or_na = [xml](const std::string& text) {
+          return xml ? fmt::format("COALESCE({}, 'NA')", text) : text;
+        };
+        const auto if_known = [&](const std::string& text) {
+          return or_na(fmt::format("CASE WHEN {} IS NOT NULL THEN {} END", value, text));
+        };
         return fmt::format(
-            ", {1} AS {0}_value, {2} - run.step_length_s AS {0}_time, CASE WHEN {1} IS NOT NULL THEN "
-            "e.type_code END AS {0}_type",
-            element, value, time);
+            ", {1} AS {0}_time{2}, {3} AS {0}_type, {4} AS {0}_value", element,
+            or_na(fmt::format("{} - run.step_length_s", time)),
+            xml ? fmt::format(", {} AS {}_position", if_known("printf('%.2f,%.2f', e.x_m, e.y_m)"), element)
+                : "",
+            if_known("e.type_code"), or_na(value));
+      };
+      const auto measured = [xml](const char* element, const char* name) {
+        return xml ? fmt::format(", s.{} AS {}_values", name, element) : "";
       };
       return {
           "encounters", "SSMLog", "", "conflict",
           "SELECT e.begin_s - run.step_length_s AS conflict_begin, e.end_s - run.step_length_s AS "
           "conflict_end, a.vehicle_id AS conflict_ego, b.vehicle_id "
           "AS conflict_foe" +
-              extreme("minTTC", "e.min_ttc_s", "e.min_ttc_time_s") +
+              (xml ? SpanColumns() : "") + measured("TTCSpan", "ttcs") +
+              extreme("minTTC", "e.min_ttc_s", "e.min_ttc_time_s") + measured("DRACSpan", "dracs") +
               extreme("maxDRAC", "e.max_drac_mps2", "e.max_drac_time_s") +
               extreme("PET", "e.pet_s", "e.pet_time_s") +
               extreme("minMTTC", "e.min_mttc_s", "e.min_mttc_time_s") +
@@ -157,7 +223,8 @@ TableSpec SpecOf(ExportTable table) {
               "lanewise_foePolicy FROM encounter AS e JOIN run USING (run_id) JOIN vehicle AS a ON a.run_id "
               "= "
               "e.run_id AND a.vehicle_number = e.ego_vehicle JOIN vehicle AS b ON b.run_id = e.run_id AND "
-              "b.vehicle_number = e.foe_vehicle WHERE {run} ORDER BY e.run_id, e.encounter"};
+              "b.vehicle_number = e.foe_vehicle" +
+              (xml ? SpanTable() : "") + " WHERE {run} ORDER BY e.run_id, e.encounter"};
     }
     case ExportTable::kEdges:
       return {"edges", "meandata", "interval", "edge",
@@ -355,7 +422,7 @@ std::int64_t Write(SQLite::Database* database, const fs::path& results, const Ta
                    const ExportProgress& progress) {
   std::string sql = spec.sql;
   const std::string condition = run_id ? fmt::format("run.run_id = {}", *run_id) : "1";
-  sql.replace(sql.find("{run}"), 5, condition);
+  for (std::size_t at; (at = sql.find("{run}")) != std::string::npos;) sql.replace(at, 5, condition);
   if (!run_id)
     sql.replace(0, 7, "SELECT run.run_id AS run_id, run.policy AS run_policy, run.seed AS run_seed, ");
   RowReader row(database, sql, results);
@@ -423,7 +490,7 @@ std::int64_t ExportResults(const fs::path& results, ExportTable table, std::opti
   std::int64_t rows = 0;
   GuardResults(results, [&] {
     ResultsFile file = ResultsFile::Open(results, ResultsFile::Mode::kRead);
-    rows = Write(&file.database(), results, SpecOf(table), run_id, output, progress);
+    rows = Write(&file.database(), results, SpecOf(table, IsXml(output)), run_id, output, progress);
   });
   return rows;
 }

@@ -90,7 +90,7 @@ void AddExportCommand(CLI::App* app, std::function<int()>* chosen) {
                       "number of the run, or all (CSV only); may be left out if there is one");
   const char* options[] = {"--trips", "--trajectories", "--encounters", "--edges"};
   const char* meanings[] = {"trips: CSV, or tripinfo XML", "sampled states: CSV, or fcd XML",
-                            "encounters: CSV, or ssm XML",
+                            "encounters: CSV, or ssm XML with both trajectories as spans",
                             "flow, density, speed by edge and interval: CSV, or edgeData XML"};
   for (int k = 0; k < 4; ++k)
     command->add_option(options[k], o->outputs[k], std::string("file for ") + meanings[k]);

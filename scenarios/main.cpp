@@ -17,6 +17,7 @@
 #include "scenarios/calibrate.h"
 #include "scenarios/city_bench.h"
 #include "scenarios/compare.h"
+#include "scenarios/cost_bench.h"
 #include "scenarios/doctor.h"
 #include "scenarios/export.h"
 #include "scenarios/report.h"
@@ -289,6 +290,17 @@ int Main(int argc, char** argv) {
   ssm->footer(
       "Example: lanewise bench ssm -c bologna/acosta/run.sumocfg --end 600 --differences differences.csv\n"
       "With its device on every vehicle SUMO is about ten times slower.");
+  CLI::App* cost = bench->add_subcommand(
+      "cost", "What the safety engine and recording add to a run's wall time, and rows a second into SQLite");
+  RunOptions cost_options;
+  AddRunOptions(cost, &cost_options);
+  int repetitions = 3;
+  cost->add_option("--repeat", repetitions, "repetitions of three runs each, compared within each")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  cost->footer(
+      "Example: lanewise bench cost -c bologna/joined/run.sumocfg --policy sumo --end 600 --repeat 5\n"
+      "Let nothing else run meanwhile.");
   const std::function<int()> run_arena = AddArenaCommand(&app);
   std::string results_file;
   CLI::App* info = app.add_subcommand("info", "What a results file holds: runs, policies, counts");
@@ -312,7 +324,8 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kOk : kBadInput;
   }
-  if (!sumo_options.empty() && !run->parsed() && !demo->parsed() && !city->parsed() && !ssm->parsed())
+  if (!sumo_options.empty() && !run->parsed() && !demo->parsed() && !city->parsed() && !ssm->parsed() &&
+      !cost->parsed())
     throw ConfigError("options behind -- are for runs only");
 
   if (chosen) return chosen();
@@ -328,6 +341,7 @@ int Main(int argc, char** argv) {
   }
   if (city->parsed()) return BenchCity(Finish(&bench_options, sumo_options), thread_counts) ? kOk : kFailed;
   if (ssm->parsed()) return BenchSsm(Finish(&ssm_options, sumo_options), differences_file) ? kOk : kFailed;
+  if (cost->parsed()) return BenchCost(Finish(&cost_options, sumo_options), repetitions) ? kOk : kFailed;
   if (app.got_subcommand("arena")) return run_arena();
   if (info->parsed()) {
     fmt::print("{}", FormatInfo(results_file, LoadRunSummaries(results_file)));

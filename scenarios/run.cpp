@@ -187,6 +187,7 @@ RunReport Run(const RunConfig& config) {
   }
   report.safety_time = recorder.safety_time();
   const double end = session.time();
+  const auto finish_start = std::chrono::steady_clock::now();
   Timed(&report.record_time, [&] { recorder.Finish(end); });
   if (samples) {
     samples->Finish();
@@ -214,6 +215,7 @@ RunReport Run(const RunConfig& config) {
     report.run_id = writer->run_id();
     writer->Finish(outcome);
   }
+  report.finish_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - finish_start).count();
   return report;
 }
 

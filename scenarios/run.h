@@ -20,6 +20,7 @@ struct RunReport {
   double agent_time{0.0};     ///< [s] wall time in the agents' step.
   double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.
   double record_time{0.0};    ///< [s] wall time for measures and results.
+  double finish_time{0.0};    ///< [s] wall time after the last step, until the results are closed.
   double safety_time{0.0};    ///< [s] of record_time in the safety engine.
 };
 

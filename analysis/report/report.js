@@ -17,6 +17,8 @@
   const format = (value, digits = 4) => value == null ? '-' : Number(value.toPrecision(digits)).toLocaleString('en');
   const escape = (text) => String(text).replace(/[&<>"]/g, (c) => ({'&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;'}[c]));
 
+  // Beside the toolbox, with arrows if there are too many.
+  const legend = {top: 4, left: 60, right: 130, type: 'scroll'};
   const charts = [];
   /** A section with selectors and a chart; `draw(values)` gives the chart's options for the selectors' values. */
   function chart(id, title, hint, selectors, draw, tall = false) {
@@ -121,7 +123,7 @@
   chart('flow-density', 'Flow and density', 'One point an edge and interval, by Edie’s definitions, per lane; junctions left out. A sample where there are very many.', [['scenario', scenarios]], ([si]) => {
     const sets = data.flow_density.filter((f) => f.scenario === data.comparison.scenarios[si].scenario && f.points.length);
     if (!sets.length) return null;
-    return {grid, legend: {top: 4}, xAxis: axis('density [veh/km and lane]', {min: 0}), yAxis: axis('flow [veh/h and lane]', {nameGap: 55, min: 0}),
+    return {grid, legend, xAxis: axis('density [veh/km and lane]', {min: 0}), yAxis: axis('flow [veh/h and lane]', {nameGap: 55, min: 0}),
       dataZoom: [{type: 'inside'}, {type: 'inside', yAxisIndex: 0}],
       tooltip: {trigger: 'item', formatter: (p) => `${escape(p.seriesName)}<br>edge ${escape(p.value[2])}<br>${format(p.value[0], 3)} veh/km, <b>${format(p.value[1], 3)} veh/h</b>`},
       series: sets.map((f) => ({name: f.label, type: 'scatter', large: false, symbolSize: 5, itemStyle: {color: colour[f.label], opacity: 0.5}, data: f.points}))};
@@ -132,7 +134,7 @@
     [['scenario', scenarios], ['measure', [['min_ttc_s', 'smallest TTC'], ['pet_s', 'PET']]]], ([si, measure]) => {
       const sets = data.cdf.filter((c) => c.scenario === data.comparison.scenarios[si].scenario && c.measure === measure && c.points.length);
       if (!sets.length) return null;
-      return {grid, legend: {top: 4}, xAxis: axis(measure === 'pet_s' ? 'PET [s]' : 'smallest TTC [s]', {min: 0}), yAxis: axis('share of encounters', {min: 0, max: 1, nameGap: 45}),
+      return {grid, legend, xAxis: axis(measure === 'pet_s' ? 'PET [s]' : 'smallest TTC [s]', {min: 0}), yAxis: axis('share of encounters', {min: 0, max: 1, nameGap: 45}),
         tooltip: {trigger: 'axis', axisPointer: {type: 'cross'}, valueFormatter: (v) => format(v, 3)},
         series: sets.map((c) => ({name: `${c.label} (${c.count.toLocaleString('en')} encounters)`, type: 'line', step: 'end', symbol: 'none', color: colour[c.label], data: c.points}))};
     });
@@ -151,7 +153,7 @@
         const scale = Math.max((x1 - x0) / (page.clientWidth - 180), (y1 - y0) / 510) * 1.04 || 1;
         const range = (a, b, pixels) => ({min: (a + b - pixels * scale) / 2, max: (a + b + pixels * scale) / 2});
         const plain = {axisLabel: {formatter: (v) => Math.round(v), showMinLabel: false, showMaxLabel: false}, axisLine: {onZero: false}, splitLine: {show: false}};
-        return {grid: {left: 70, right: 40, top: 50, bottom: 50}, legend: {top: 4},
+        return {grid: {left: 70, right: 40, top: 50, bottom: 50}, legend,
           xAxis: axis('x [m]', {...range(x0, x1, page.clientWidth - 180), ...plain}), yAxis: axis('y [m]', {...range(y0, y1, 520), ...plain, nameGap: 50}),
           dataZoom: [{type: 'inside', filterMode: 'none'}, {type: 'inside', yAxisIndex: 0, filterMode: 'none'}],
           tooltip: {trigger: 'item', formatter: (p) => p.value[2] ? `${escape(p.value[2])}, severity ${p.value[3]}<br>${escape(p.value[6])} and ${escape(p.value[7])}<br>TTC ${format(p.value[4], 3)} s, PET ${format(p.value[5], 3)} s` : ''},
@@ -162,22 +164,21 @@
   } else chart('map', 'Where: conflicts on the network', '', [], () => null);
 
   // Metric against penetration.
-  chart('penetration', 'Metric against penetration', 'Share of vehicles under an agent policy as realised, not as asked for; line: mean of runs of equal share (to 5 %).', [['scenario', scenarios], ['metric', metrics]], ([si, name]) => {
+  chart('penetration', 'Metric against penetration', 'Share of vehicles under an agent policy as realised, not as asked for. Small: a run; line: means of the runs of one label, the native ones included.', [['scenario', scenarios], ['metric', metrics]], ([si, name]) => {
     const s = data.comparison.scenarios[si], info = data.metrics.find((m) => m.name === name);
     const runs = data.runs.filter((r) => r.scenario === s.scenario && r.used && r.metrics[name] != null);
     if (!runs.length) return null;
-    const byShare = new Map();
+    // Runs of one label are one point of a line; lines are told apart by who drives and by parameters.
+    const groups = new Map();
     for (const r of runs) {
-      const agents = r.shares.filter(([p]) => p !== 'sumo').map(([p]) => p).join('+') || 'none';
-      const key = agents + '|' + Math.round(r.agent_share * 20) / 20;
-      if (!byShare.has(key)) byShare.set(key, []);
-      byShare.get(key).push(r.metrics[name]);
+      if (!groups.has(r.label)) groups.set(r.label, {kind: r.shares.filter(([p]) => p !== 'sumo').map(([p]) => p).sort().join('+') + (r.label.match(/ \[.*/) || [''])[0], runs: []});
+      groups.get(r.label).runs.push(r);
     }
     const mean = (v) => v.reduce((a, b) => a + b, 0) / v.length;
-    const kinds = [...new Set([...byShare.keys()].map((k) => k.split('|')[0]))].filter((k) => k !== 'none');
-    const lines = (kinds.length ? kinds : ['none']).map((kind) => ({name: kind, type: 'line', symbolSize: 9,
-      data: [...byShare.entries()].filter(([k]) => k.startsWith(kind + '|') || k.startsWith('none|')).map(([k, v]) => [100 * k.split('|')[1], mean(v)]).sort((a, b) => a[0] - b[0])}));
-    return {grid, legend: {top: 4}, color: palette.slice(1), xAxis: axis('share of agents [%]', {min: 0, max: 100}), yAxis: axis(info.label, {nameGap: 60}),
+    const kinds = [...new Set([...groups.values()].map((g) => g.kind))].filter((k) => k !== '');
+    const lines = (kinds.length ? kinds : ['']).map((kind) => ({name: kind || 'no agents', type: 'line', symbolSize: 9,
+      data: [...groups.values()].filter((g) => g.kind === kind || g.kind === '').map((g) => [100 * mean(g.runs.map((r) => r.agent_share)), mean(g.runs.map((r) => r.metrics[name]))]).sort((a, b) => a[0] - b[0])}));
+    return {grid, legend, color: palette.slice(1), xAxis: axis('share of agents [%]', {min: 0, max: 100}), yAxis: axis(info.label, {nameGap: 60, scale: true}),
       tooltip: {trigger: 'item', formatter: (p) => p.data.run ? `run ${p.data.run.run_id}, seed ${p.data.run.seed}<br>${format(p.value[0], 3)} % agents<br><b>${format(p.value[1])}</b>` : `${escape(p.seriesName)}<br>${format(p.value[0], 3)} % agents<br>mean <b>${format(p.value[1])}</b>`},
       series: [{type: 'scatter', symbolSize: 6, itemStyle: {color: '#5b6b7b', opacity: 0.5}, data: runs.map((r) => ({value: [100 * r.agent_share, r.metrics[name]], run: r}))}, ...lines]};
   });

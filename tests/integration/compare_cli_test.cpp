@@ -3,6 +3,10 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <cstdlib>
+#include <thread>
+
 #include "analysis/results_file.h"
 #include "tests/support/child_process.h"
 
@@ -127,6 +131,35 @@ TEST_F(CompareCli, ReadsAFileWhileARunIsWrittenIntoIt) {
   ChildProcess child({"compare", path_.string()});
   EXPECT_EQ(child.Wait(), 0) << child.Errors();
   EXPECT_CONTAINS(child.Output(), "is still being written, or its process was killed");
+}
+
+TEST_F(CompareCli, WaitsForALockedFileAndSaysSo) {
+  AddSeeds(2);
+  SQLite::Database other(path_.string(), SQLite::OPEN_READWRITE);
+  other.exec("BEGIN EXCLUSIVE");
+  ChildProcess child({"compare", path_.string()});
+  std::this_thread::sleep_for(std::chrono::seconds(3));
+  other.exec("ROLLBACK");
+  EXPECT_EQ(child.Wait(), 0) << child.Errors();
+  EXPECT_CONTAINS(child.Errors(), "another process has it locked; waiting");
+  EXPECT_CONTAINS(child.Errors(), path_.string());
+}
+
+TEST_F(CompareCli, LatexIsATableThatCompiles) {
+  AddSeeds(8);
+  ChildProcess child({"compare", path_.string(), "--format", "latex"});
+  ASSERT_EQ(child.Wait(), 0) << child.Errors();
+  const std::string table = child.Output();
+  for (const char* part : {"\\begin{table}", "\\toprule", "\\midrule", "\\bottomrule", "\\end{tabular}"})
+    EXPECT_CONTAINS(table, part);
+  if (std::system("pdflatex --version >/dev/null 2>&1") != 0)
+    GTEST_SKIP() << "no pdflatex (Debian's texlive-latex-recommended)";
+  folder_.Write("paper.tex", "\\documentclass{article}\n\\usepackage{booktabs}\n\\begin{document}\n" + table +
+                                 "\\end{document}\n");
+  const std::string command = "cd " + folder_.path().string() +
+                              " && pdflatex -halt-on-error -interaction=nonstopmode paper.tex >log 2>&1";
+  EXPECT_EQ(std::system(command.c_str()), 0) << ReadFile(folder_ / "log");
+  EXPECT_TRUE(ReadFile(folder_ / "paper.pdf").starts_with("%PDF"));
 }
 
 TEST_F(CompareCli, AaTestRunsOnTheUsersData) {

@@ -1,15 +1,19 @@
 // `lanewise export` as a user runs it: SUMO's own numbers come back under SUMO's names, and SUMO's own
 // plotting tools read them.
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 #include <zlib.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <map>
 #include <pugixml.hpp>
+#include <sstream>
 
+#include "analysis/results_file.h"
 #include "tests/support/child_process.h"
 
 namespace lanewise {
@@ -115,6 +119,63 @@ TEST_F(ExportCli, TrajectoriesAreSumosFcd) {
   EXPECT_GT(compared, 500u);
 }
 
+std::vector<std::string> Words(const std::string& text) {
+  std::istringstream stream(text);
+  return {std::istream_iterator<std::string>(stream), {}};
+}
+
+TEST_F(ExportCli, EncountersAreAnSsmLogWithBothTrajectories) {
+  Export({"--encounters", Path("ssm.xml")});
+  pugi::xml_document ours, sumos;
+  ASSERT_TRUE(ours.load_file(Path("ssm.xml").c_str()));
+  ASSERT_TRUE(sumos.load_file(Path("sumo_fcd.xml").c_str()));
+  std::map<std::pair<long, std::string>, pugi::xml_node> states;
+  for (const pugi::xml_node step : sumos.child("fcd-export").children("timestep")) {
+    for (const pugi::xml_node vehicle : step.children())
+      states[{std::lround(step.attribute("time").as_double() * 10.0), vehicle.attribute("id").value()}] =
+          vehicle;
+  }
+  std::size_t places = 0, measured = 0, undefined = 0;
+  for (const pugi::xml_node conflict : ours.child("SSMLog").children("conflict")) {
+    const auto span = [&](const char* name) {
+      return Words(conflict.child(name).attribute("values").value());
+    };
+    const std::vector<std::string> times = span("timeSpan");
+    ASSERT_FALSE(times.empty());
+    for (const char* name : {"typeSpan", "egoPosition", "egoVelocity", "foePosition", "foeVelocity",
+                             "conflictPoint", "TTCSpan", "DRACSpan"})
+      EXPECT_EQ(span(name).size(), times.size()) << name;
+    const std::pair<const char*, const char*> roles[] = {{"ego", "egoPosition"}, {"foe", "foePosition"}};
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      for (const auto& [role, element] : roles) {
+        const auto state =
+            states.find({std::lround(std::stod(times[k]) * 10.0), conflict.attribute(role).value()});
+        if (state == states.end()) continue;
+        const std::string place = span(element)[k];
+        // Two decimals of ours, six of SUMO's.
+        EXPECT_NEAR(std::stod(place), state->second.attribute("x").as_double(), 0.0051)
+            << role << ' ' << times[k];
+        EXPECT_NEAR(std::stod(place.substr(place.find(',') + 1)), state->second.attribute("y").as_double(),
+                    0.0051);
+        ++places;
+      }
+      const std::string ttc = span("TTCSpan")[k];
+      if (ttc == "NA") continue;
+      ++measured;
+      EXPECT_GE(std::stod(ttc) + 0.0051, conflict.child("minTTC").attribute("value").as_double());
+      EXPECT_NE(span("typeSpan")[k], "0");
+    }
+    for (const char* name : {"minTTC", "maxDRAC", "PET"}) {
+      for (const char* attribute : {"time", "position", "type", "value"})
+        EXPECT_STRNE(conflict.child(name).attribute(attribute).value(), "") << name << ' ' << attribute;
+    }
+    undefined += std::string(conflict.child("PET").attribute("value").value()) == "NA";
+  }
+  EXPECT_GT(places, 50u);
+  EXPECT_GT(measured, 10u);
+  EXPECT_GT(undefined, 0u);
+}
+
 TEST_F(ExportCli, CsvNamesColumnsAsXml2csvDoes) {
   Export({"--trips", Path("trips.csv"), "--edges", Path("edges.csv.gz"), "--encounters",
           Path("encounters.csv")});
@@ -149,6 +210,28 @@ TEST_F(ExportCli, SumosPlottingToolsReadIt) {
   EXPECT_EQ(std::system(attributes.c_str()), 0) << ReadFile(Path("b.txt"));
   EXPECT_TRUE(ReadFile(Path("b.txt")).starts_with("Found ")) << ReadFile(Path("b.txt"));
   EXPECT_TRUE(ReadFile(Path("b.png")).starts_with("\x89PNG"));
+}
+
+TEST_F(ExportCli, WhatIsNotANumberIsLeftEmpty) {
+  SQLite::Database(Results(), SQLite::OPEN_READWRITE)
+      .exec(
+          "UPDATE trip SET time_loss_s = 9e999; UPDATE encounter SET min_ttc_s = 9e999, pet_s = -9e999;"
+          "UPDATE encounter_sample SET ttc_s = 9e999");
+  Export({"--trips", Path("trips.csv"), "--encounters", Path("ssm.xml")});
+  for (const std::string name : {"trips.csv", "ssm.xml"}) {
+    const std::string text = ReadFile(Path(name));
+    EXPECT_GT(text.size(), 100u);
+    for (const char* bad : {"inf", "Inf", "nan\""}) EXPECT_EQ(text.find(bad), std::string::npos) << name;
+  }
+}
+
+TEST_F(ExportCli, FilesWithoutRunsAreRefused) {
+  const fs::path empty = folder_ / "empty.sqlite";
+  ResultsFile::Open(empty, ResultsFile::Mode::kAppend);
+  ChildProcess child({"export", empty.string(), "--trips", Path("none.csv")});
+  EXPECT_EQ(child.Wait(), 2);
+  EXPECT_CONTAINS(child.Errors(), "it holds no runs");
+  EXPECT_FALSE(fs::exists(Path("none.csv")));
 }
 
 TEST_F(ExportCli, BadRequestsAreRefusedAndReplaceNothing) {

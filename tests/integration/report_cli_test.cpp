@@ -1,11 +1,13 @@
 // `lanewise report`: the page stands on its own, and headless Chromium draws it: no error, charts answer to
 // the mouse.
 
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 #include <regex>
 
+#include "analysis/results_file.h"
 #include "tests/support/child_process.h"
 
 namespace lanewise {
@@ -89,6 +91,31 @@ TEST_F(ReportCli, OnePolicyIsMarkedPartial) {
   EXPECT_EQ(child.Wait(), 0) << child.Errors();
   EXPECT_CONTAINS(child.Output(), "PARTIAL");
   EXPECT_NE(ReadFile(Page()).find("only one policy, dwa"), std::string::npos);
+}
+
+TEST_F(ReportCli, FileWithoutRunsIsRefused) {
+  ResultsFile::Open(Results(), ResultsFile::Mode::kAppend);
+  ChildProcess child({"report", Results(), "-o", Page()});
+  EXPECT_EQ(child.Wait(), 2);
+  EXPECT_CONTAINS(child.Errors(), "it holds no runs");
+  EXPECT_FALSE(fs::exists(Page()));
+}
+
+TEST_F(ReportCli, UnpairedSeedsAndWhatIsNotANumberAreTold) {
+  Record("dwa", "1");
+  Record("sumo", "1");
+  Record("dwa", "2");
+  SQLite::Database(Results(), SQLite::OPEN_READWRITE)
+      .exec("UPDATE trip SET time_loss_s = 9e999; UPDATE encounter SET min_ttc_s = 9e999, pet_s = -9e999");
+  ChildProcess child({"report", Results(), "-o", Page()});
+  EXPECT_EQ(child.Wait(), 0) << child.Errors();
+  EXPECT_CONTAINS(child.Output(), "PARTIAL");
+  const std::string page = ReadFile(Page());
+  EXPECT_NE(page.find("seed 2"), std::string::npos);
+  EXPECT_NE(page.find("time_loss_s undefined (NULL or not a number)"), std::string::npos);
+  const std::size_t data = page.find("id=\"data\"");
+  for (const char* bad : {":inf", ",inf", ":nan", "Infinity,"})
+    EXPECT_EQ(page.substr(data, page.find("</script>", data) - data).find(bad), std::string::npos) << bad;
 }
 
 TEST_F(ReportCli, BadRequestsAreRefusedAndReplaceNothing) {

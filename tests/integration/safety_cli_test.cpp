@@ -70,9 +70,18 @@ TEST(Safety, EncountersCrossAThresholdAndKeepTheirSamples) {
           "trip) - 1) < 0.01"),
       "1\n");
   EXPECT_EQ(All(file,
-                "SELECT ABS(vehicle_km * co2_g_per_km - (SELECT SUM(co2_mg) FROM trip) / 1000.0) < 1e-6 FROM "
-                "v_run_rates"),
-            "1\n");
+                "SELECT ABS(distance_km * co2_g_per_km - (SELECT SUM(co2_mg) FROM trip) / 1000.0) < 1e-6, "
+                "ABS(driving_time_h * encounters_per_h - (SELECT COUNT(*) FROM encounter)) < 1e-6 FROM "
+                "v_run_metrics"),
+            "1 1\n");
+  // A sample's own measures are within the encounter's extremes, and it has a type just when it has one.
+  EXPECT_EQ(
+      All(file,
+          "SELECT COUNT(*) FROM encounter_sample AS s JOIN encounter AS e USING (run_id, encounter) WHERE "
+          "s.ttc_s < e.min_ttc_s - 1e-9 OR s.drac_mps2 > e.max_drac_mps2 + 1e-9 OR (s.ttc_s IS NOT NULL "
+          "AND s.type_code = 0)"),
+      "0\n");
+  EXPECT_EQ(All(file, "SELECT COUNT(*) > 10 FROM encounter_sample WHERE ttc_s IS NOT NULL"), "1\n");
 }
 
 TEST(Safety, LevelsSayWhatWasNotWatched) {
@@ -101,6 +110,14 @@ TEST(Safety, ThresholdsCanBeSet) {
 TEST(Safety, AgreesWithSumosDevice) {
   ChildProcess child({"bench", "ssm", "--scenario", "town", "-e", "150", "-q"});
   EXPECT_EQ(child.Wait(), 0) << child.Output() << child.Errors();
+}
+
+TEST(Safety, CostIsMeasured) {
+  ChildProcess child(
+      {"bench", "cost", "--scenario", "town", "--policy", "sumo", "-e", "10", "-q", "--repeat", "1"});
+  EXPECT_NE(child.Wait(), 2) << child.Errors();  // On a busy machine targets may be missed.
+  for (const char* line : {"engine on", "sampled every second", "trajectory rows into SQLite"})
+    EXPECT_NE(child.Output().find(line), std::string::npos) << child.Output() << child.Errors();
 }
 
 TEST(Safety, BadValuesAreRefused) {

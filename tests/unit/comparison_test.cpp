@@ -229,5 +229,13 @@ TEST(AaTest, TooFewRunsAreRefused) {
   EXPECT_THROW(RunAaTest(Worse(8), "idm", "", 20, 10, {}), ConfigError);
 }
 
+TEST(Comparison, LabelsAreOrderedByPenetration) {
+  std::vector<std::string> labels = {
+      "sumo", "dwa", "dwa at 75 %", "dwa at 5 %", "dwa [x=1]", "dwa at 25 % [x=1]", "bp"};
+  std::sort(labels.begin(), labels.end(), LabelOrder());
+  EXPECT_EQ(labels, (std::vector<std::string>{"bp", "dwa at 5 %", "dwa at 25 % [x=1]", "dwa at 75 %", "dwa",
+                                              "dwa [x=1]", "sumo"}));
+}
+
 }  // namespace
 }  // namespace lanewise

@@ -419,6 +419,17 @@ TEST(SafetyMonitor, KeepsBothTrajectoriesAroundTheCriticalMoment) {
   ASSERT_EQ(encounters.size(), 1u);
   EXPECT_NEAR(encounters[0].min_ttc_time, 3.0, 1e-9);
   const std::vector<EncounterSample> samples = monitor.TakeFinishedSamples();
+  std::size_t measured = 0;
+  for (const EncounterSample& s : samples) {
+    if (s.ttc == Encounter::kUndefined) continue;
+    ++measured;
+    EXPECT_LE(s.time, 3.0 + 1e-9);                                   // Later the leader is the faster one.
+    EXPECT_NEAR(s.ttc - encounters[0].min_ttc, 3.0 - s.time, 1e-9);  // It falls by a second a second.
+    EXPECT_NEAR(s.drac, 10.0 / (2.0 * s.ttc), 1e-9);                 // dv^2 / (2 gap), gap = ttc dv.
+    EXPECT_EQ(s.type_code, SumoTypeCode(encounters[0].type, false));
+  }
+  EXPECT_GE(measured, 3u);
+  EXPECT_EQ(samples.back().type_code, kSumoNoConflict);
   ASSERT_EQ(samples.size(), 7u);  // From 1 s to 4 s, every half second.
   for (std::size_t k = 0; k < samples.size(); ++k) {
     EXPECT_EQ(samples[k].encounter, 0);

@@ -1,0 +1,121 @@
+#include "scenarios/cost_bench.h"
+
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <vector>
+
+#include "agents/core/check.h"
+#include "scenarios/run.h"
+
+namespace lanewise {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kNeverSampled = 1e9;  // [s] longer than any run: only the first step is.
+
+struct Variant {
+  const char* name;
+  SafetyLevel level;
+  double sample_period;          // [s]
+  std::vector<double> wall{};    // [s] of each repetition: the steps, and closing the file.
+  std::vector<double> ratio{};   // To the first variant of the same repetition.
+  std::vector<double> engine{};  // Share of wall spent in the engine.
+  std::int64_t rows{0};          // Of trajectories.
+};
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
+}
+
+void Drive(const RunConfig& config, const fs::path& file, Variant* variant) {
+  RunConfig run = config;
+  run.safety_level = variant->level;
+  run.sample_period = variant->sample_period;
+  run.results = file;
+  const RunReport report = Run(run);
+  if (report.outcome.status == RunStatus::kInterrupted) throw ConfigError("bench cost: interrupted");
+  variant->wall.push_back(report.outcome.wall_time + report.finish_time);
+  variant->engine.push_back(report.safety_time / variant->wall.back());
+  for (const RunSummary& summary : LoadRunSummaries(file))
+    variant->rows = summary.trajectory_rows.value_or(0);
+  fs::remove(file);
+}
+
+/// Rows a second from the first Add to the closed file: what the disk really has.
+double RowsPerSecond(const fs::path& file) {
+  constexpr int kSteps = 2000, kVehicles = 1000;
+  std::vector<TrajectoryRow> rows(kVehicles);
+  RunWriter writer(ResultsFile::Open(file, ResultsFile::Mode::kAppend), RunInfo{});
+  const auto start = std::chrono::steady_clock::now();
+  for (int step = 0; step < kSteps; ++step) {
+    for (int i = 0; i < kVehicles; ++i) {
+      rows[static_cast<std::size_t>(i)] = {0.1 * step,         i,        i % 50,           10.0 * i + step,
+                                           std::sin(i + step), 0.01 * i, 10.0 + 0.001 * i, 0.1,
+                                           1.0 * step,         0.01 * i};
+    }
+    writer.Add(rows);
+  }
+  writer.Finish({});
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  fs::remove(file);
+  return kSteps * kVehicles / seconds;
+}
+
+}  // namespace
+
+bool BenchCost(const RunConfig& config, int repetitions) {
+  const fs::path folder = fs::temp_directory_path() / fmt::format("lanewise-cost-{}", getpid());
+  fs::create_directories(folder);
+  std::array<Variant, 3> variants{{{"engine off, no sampling", SafetyLevel::kOff, kNeverSampled},
+                                   {"engine on", SafetyLevel::kFull, kNeverSampled},
+                                   {"sampled every second", SafetyLevel::kOff, 1.0}}};
+  for (int repetition = 0; repetition < repetitions; ++repetition) {
+    // Each starts in turn: the first run of a process is the slowest.
+    for (std::size_t k = 0; k < variants.size(); ++k)
+      Drive(config, folder / "cost.sqlite",
+            &variants[(k + static_cast<std::size_t>(repetition)) % variants.size()]);
+    for (Variant& v : variants) v.ratio.push_back(v.wall.back() / variants[0].wall.back());
+  }
+  const double rows_per_second = RowsPerSecond(folder / "rows.sqlite");
+  std::error_code ignored;
+  fs::remove_all(folder, ignored);
+
+  fmt::print("\n{} [{}] seed {}; medians of {} repetitions\n\n", config.scenario,
+             kPolicyNames[static_cast<std::size_t>(config.policy)], config.seed, repetitions);
+  fmt::print("{:<40} {:>10} {:>22}   target\n", "", "wall [s]", "more (least to most)");
+  bool passed = true;
+  const double targets[] = {0.0, 0.10, 0.03};
+  for (std::size_t k = 0; k < variants.size(); ++k) {
+    const Variant& v = variants[k];
+    if (k == 0) {
+      fmt::print("{:<40} {:>10.2f}\n", v.name, Median(v.wall));
+      continue;
+    }
+    const double more = Median(v.ratio) - 1.0;
+    const auto [least, most] = std::minmax_element(v.ratio.begin(), v.ratio.end());
+    const bool ok = more <= targets[k];
+    passed = passed && ok;
+    fmt::print("{:<40} {:>10.2f} {:>22}   <= {:.0f} %  {}\n", v.name, Median(v.wall),
+               fmt::format("{:.1f} % ({:.1f} to {:.1f})", 100.0 * more, 100.0 * (*least - 1.0),
+                           100.0 * (*most - 1.0)),
+               100.0 * targets[k], ok ? "ok" : "MISSED");
+  }
+  fmt::print("{:<40} {:>10} {:>22}\n", "  of its wall time in the engine itself", "",
+             fmt::format("{:.1f} %", 100.0 * Median(variants[1].engine)));
+  fmt::print("{:<40} {:>10}\n", "  trajectory rows of a run", variants[2].rows);
+  const bool fast = rows_per_second >= 500'000.0;
+  fmt::print("{:<40} {:>10.0f} {:>22}   >= 500000  {}\n", "trajectory rows into SQLite [1/s]",
+             rows_per_second, "", fast ? "ok" : "MISSED");
+  return passed && fast;
+}
+
+}  // namespace lanewise
