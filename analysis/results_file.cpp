@@ -6,13 +6,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
-#include <thread>
 #include <array>
 #include <chrono>
 #include <fstream>
 #include <functional>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include "agents/core/check.h"
