@@ -18,7 +18,7 @@
   const escape = (text) => String(text).replace(/[&<>"]/g, (c) => ({'&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;'}[c]));
 
   // Beside the toolbox, with arrows if there are too many.
-  const legend = {top: 4, left: 60, right: 130, type: 'scroll'};
+  const legend = {top: 4, left: 60, width: page.clientWidth - 260, type: 'scroll'};
   const charts = [];
   /** A section with selectors and a chart; `draw(values)` gives the chart's options for the selectors' values. */
   function chart(id, title, hint, selectors, draw, tall = false) {
@@ -141,7 +141,7 @@
 
   // Conflict map.
   if (data.maps.length) {
-    const types = [...new Set(data.maps.flatMap((m) => m.points.map((p) => p[2])))];
+    const types = [...new Set(data.maps.flatMap((m) => m.points.map((p) => p[2])))].sort();
     chart('map', 'Where: conflicts on the network', 'Encounters of one run by type; large ones are serious (severity 2) or contacts (3). Scroll to zoom, drag to move.',
       [['run', data.maps.map((m, i) => [i, `${m.scenario}, ${m.label}, run ${m.run_id}`])]], ([i]) => {
         const m = data.maps[i], net = data.networks[m.scenario] || [];

@@ -201,7 +201,7 @@ TEST_F(ResultsFileTest, FormatsInfoAndComparison) {
   { RunWriter(ResultsFile::Open(path_, Mode::kAppend), Info("sumo")); }
   const std::vector<RunSummary> runs = LoadRunSummaries(path_);
   const std::string info = FormatInfo(path_, runs);
-  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 3, 2 runs");
+  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 4, 2 runs");
   EXPECT_CONTAINS(info, "0000000000abcdef");
   EXPECT_EQ(FormatComparison(runs),
             "policy                                    dwa    sumo\n"
@@ -278,7 +278,7 @@ TEST_F(ResultsFileTest, RefusesANewerSchema) {
   SQLite::Database(path_.string(), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 7");
   EXPECT_CONTAINS(
       RefusalOf(path_, Mode::kRead),
-      "it has schema version 7; this Lanewise reads and writes version 3, so a newer one wrote it");
+      "it has schema version 7; this Lanewise reads and writes version 4, so a newer one wrote it");
 }
 
 TEST_F(ResultsFileTest, RefusesFoldersAndWhatIsMissing) {
