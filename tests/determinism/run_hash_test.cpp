@@ -30,7 +30,7 @@ TEST(Determinism, Town) {
 
 TEST(Determinism, BolognaAcosta) {
   const auto file = BolognaScenario("acosta");
-  if (file.empty()) GTEST_SKIP() << "no Bologna scenarios in " << LANEWISE_BOLOGNA_FOLDER;
+  if (file.empty()) GTEST_SKIP() << "no Bologna scenarios in " << kBolognaFolder;
   const TemporaryFolder folder;
   ExpectSameForAnyThreads(BolognaRun(file, folder.path(), 60.0));
 }

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kArena = fs::path(LANEWISE_NETWORKS_FOLDER) / "arena";
+const fs::path kArena = fs::path(kNetworksFolder) / "arena";
 
 class BadInput : public testing::Test {
  protected:

@@ -87,7 +87,7 @@ std::string Platoons() {
 // tau and minGap to 5 %, the accelerations and the wanted speed to 10 %.
 TEST(CalibrateIdmCli, FindsTheParametersOfSumosOwnIdm) {
   const TemporaryFolder folder;
-  const fs::path net = fs::path(LANEWISE_NETWORKS_FOLDER) / "breakdown" / "breakdown.net.xml";
+  const fs::path net = fs::path(kNetworksFolder) / "breakdown" / "breakdown.net.xml";
   const fs::path routes = folder.Write("idm.rou.xml", Platoons()), fcd = folder / "fcd.xml.gz";
   ChildProcess run({"run", "-n", net.string(), "-r", routes.string(), "--policy", "sumo", "--end", "420",
                     "-q", "--", "--fcd-output", fcd.string(), "--fcd-output.max-leader-distance", "100"});

@@ -358,7 +358,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, Breakdown, testing::Values(1, 2, 3));
 
 TEST(Bologna, AcostaUnderDwaIsDrivenExactly) {
   const auto file = BolognaScenario("acosta");
-  if (file.empty()) GTEST_SKIP() << "no Bologna scenarios in " << LANEWISE_BOLOGNA_FOLDER;
+  if (file.empty()) GTEST_SKIP() << "no Bologna scenarios in " << kBolognaFolder;
   const TemporaryFolder folder;
   const RunReport report = RunResolved(BolognaRun(file, folder.path(), 200.0));
   EXPECT_EQ(MidBlock(report).different, 0);

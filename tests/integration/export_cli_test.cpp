@@ -192,7 +192,7 @@ TEST_F(ExportCli, CsvNamesColumnsAsXml2csvDoes) {
 }
 
 TEST_F(ExportCli, SumosPlottingToolsReadIt) {
-  const fs::path tools = fs::path(LANEWISE_SUMO_HOME) / "tools";
+  const fs::path tools = fs::path(kSumoHome) / "tools";
   const std::string python = "MPLBACKEND=Agg MPLCONFIGDIR=" + folder_.path().string() + " /usr/bin/python3 ";
   if (!fs::exists(tools / "plot_trajectories.py")) GTEST_SKIP() << "no SUMO tools in " << tools;
   if (std::system((python + "-c 'import matplotlib' 2>/dev/null").c_str()) != 0)

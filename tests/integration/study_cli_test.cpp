@@ -145,7 +145,7 @@ TEST_F(Study, ADryRunPrintsTheRunsAndWritesNothing) {
 
 TEST_F(Study, ShippedOnesAreValidAndOpenWithTheirQuestion) {
   int studies = 0;
-  for (const auto& entry : fs::directory_iterator(LANEWISE_STUDIES_FOLDER)) {
+  for (const auto& entry : fs::directory_iterator(kStudiesFolder)) {
     if (entry.path().extension() != ".toml") continue;
     ++studies;
     ChildProcess child(Command(entry.path(), folder_ / "a.sqlite", {"--dry-run"}));

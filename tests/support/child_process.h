@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
 
 namespace lanewise {
@@ -20,7 +21,7 @@ class ChildProcess {
   explicit ChildProcess(const std::vector<std::string>& arguments,
                         const std::vector<std::string>& environment = {}) {
     const std::string out = (folder_ / "stdout").string(), err = (folder_ / "stderr").string();
-    std::vector<std::string> words{LANEWISE_BINARY};
+    std::vector<std::string> words{kLanewiseBinary};
     words.insert(words.end(), arguments.begin(), arguments.end());
     std::vector<char*> argv;
     for (std::string& word : words) argv.push_back(word.data());

@@ -8,6 +8,7 @@
 
 #include "libsumo_bridge/sumo_session.h"
 #include "scenarios/run.h"
+#include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
 
 namespace lanewise {
@@ -42,7 +43,7 @@ inline RunConfig OwnDemand(const std::string& scenario, const std::filesystem::p
 
 /// Folder of a Bologna scenario; empty if it is not on this machine.
 inline std::filesystem::path BolognaScenario(const std::string& name) {
-  const auto file = std::filesystem::path(LANEWISE_BOLOGNA_FOLDER) / name / "run.sumocfg";
+  const auto file = std::filesystem::path(kBolognaFolder) / name / "run.sumocfg";
   return std::filesystem::exists(file) ? file : std::filesystem::path();
 }
 

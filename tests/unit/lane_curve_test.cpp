@@ -9,11 +9,14 @@
 #include <numbers>
 #include <string>
 
+#include "tests/support/places.h"
+
 namespace lanewise {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-const std::filesystem::path kAcosta = LANEWISE_BOLOGNA_FOLDER "/acosta/acosta_buslanes.net.xml";
+const std::filesystem::path kAcosta =
+    std::filesystem::path(kBolognaFolder) / "acosta/acosta_buslanes.net.xml";
 
 double ShapeLength(const std::vector<Point2>& shape) {
   double length = 0.0;

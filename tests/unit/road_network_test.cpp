@@ -9,12 +9,14 @@
 #include <string>
 
 #include "agents/core/check.h"
+#include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
 
 namespace lanewise {
 namespace {
 
-const std::filesystem::path kAcosta = LANEWISE_BOLOGNA_FOLDER "/acosta/acosta_buslanes.net.xml";
+const std::filesystem::path kAcosta =
+    std::filesystem::path(kBolognaFolder) / "acosta/acosta_buslanes.net.xml";
 
 /// One folder a process: ctest runs the cases of this file side by side.
 std::filesystem::path TemporaryFile(const std::string& name) {
