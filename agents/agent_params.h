@@ -116,6 +116,12 @@ struct V2xParams {
   double cam_heading{0.06981317007977318};
   double cam_position{4.0};
   double cam_speed{0.5};
+  int cruise{0};
+  double cruise_gap{0.6};
+  double cruise_kp{0.2};
+  double cruise_kd{0.7};
+  double cruise_max_age{0.4};
+  double cruise_reaction{0.35};
 };
 
 /// Every parameter of the agents. The Visit table is the only declaration of name, unit, range,
@@ -305,6 +311,20 @@ struct AgentParams {
           "ETSI EN 302 637-2, 6.1.3");
     field("v2x.cam_speed", p.v2x.cam_speed, "m/s", Range{0, 100}, "likewise of speed",
           "ETSI EN 302 637-2, 6.1.3");
+    field("v2x.cruise", p.v2x.cruise, "-", Range{0, 1},
+          "1: dwa follows by cooperative adaptive cruise where the leader's messages are fresh", "[C]");
+    field("v2x.cruise_gap", p.v2x.cruise_gap, "s", Range{0.3, 5},
+          "time gap within a platoon, besides the standstill gap",
+          "shortest setting of Milanes, Shladover et al. 2014");
+    field("v2x.cruise_kp", p.v2x.cruise_kp, "1/s^2", Range{0, 5}, "gain on the spacing error",
+          "Ploeg, van de Wouw, Nijmeijer 2014");
+    field("v2x.cruise_kd", p.v2x.cruise_kd, "1/s", Range{0, 5}, "gain on its rate",
+          "Ploeg, van de Wouw, Nijmeijer 2014");
+    field("v2x.cruise_max_age", p.v2x.cruise_max_age, "s", Range{0.05, 5},
+          "a leader whose last message is older is followed as by a driver", "own choice");
+    field("v2x.cruise_reaction", p.v2x.cruise_reaction, "s", Range{0.1, 2},
+          "time until the brakes answer what the leader tells: a message's age, a step, the powertrain's lag",
+          "sum of the defaults");
   }
 };
 

@@ -8,6 +8,7 @@
 #include "agents/core/geometry.h"
 #include "agents/planning/car_following.h"
 #include "agents/planning/tactics.h"
+#include "agents/v2x/cruise.h"
 #include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
@@ -198,6 +199,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   // Decide.
   const Tactics tactics = DecideTactics(world, params_, i, way, leader);
 
+  const Cruise cruise = DecideCruise(world, params_.v2x, i, leader, tactics, dt);
+
   // Plan.
   PlanContext context;
   context.d = now.d[i];
@@ -214,7 +217,12 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   if (leader.row != kNone && !traffic->hazard[leader.row]) {
     context.leader_gap = leader.gap;
     context.leader_speed = leader.speed;
+    context.leader_row = leader.row;
   }
+  context.time_gap = cruise.time_gap;
+  context.cruising = cruise.follows != kNone;
+  context.cruise_accel = cruise.accel;
+  context.leader_decel = cruise.leader_decel;
   Plan plan{0.0, now.d[i], PlanStatus::kOk};
   const bool queued = speed < kStandingSpeed && leader.row != kNone && leader.speed < kStandingSpeed &&
                       leader.gap < vehicle.min_gap + kQueueGap && tactics.lane_change == 0;
@@ -264,6 +272,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.accel[i] = (next_speed - speed) / dt;
   next.speed_ref[i] = std::max(0.0, speed + plan.accel * dt);
   next.planned_accel[i] = plan.accel;
+  next.planned_jerk[i] = (plan.accel - now.planned_accel[i]) / dt;
+  next.time_gap[i] = cruise.time_gap;
+  next.follows[i] = cruise.follows;
   next.steering_angle[i] = steering;
   const double lane_distance = LaneDistance(world, way, now.s[i], progress);
   next.s[i] = now.s[i] + lane_distance;
