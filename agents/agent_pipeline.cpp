@@ -8,6 +8,7 @@
 #include "agents/core/geometry.h"
 #include "agents/planning/car_following.h"
 #include "agents/planning/tactics.h"
+#include "agents/v2x/cruise.h"
 #include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
@@ -133,7 +134,12 @@ double CurvatureAhead(const World& world, AgentIndex i, const WayAhead& way, dou
 
 AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
                              const AgentParams& params)
-    : network_(network), curves_(curves), params_(params), occupancy_(network), avoider_(network, params) {
+    : network_(network),
+      curves_(curves),
+      params_(params),
+      occupancy_(network),
+      avoider_(network, params),
+      channel_(network, params.v2x) {
   for (int t = 0; t < omp_get_max_threads(); ++t) scratch_.push_back(std::make_unique<PlanScratch>());
 }
 
@@ -165,8 +171,9 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   grid_.Build(center_x_, center_y_);
   occupancy_.Build(*traffic);
   avoider_.BeginStep(*traffic);
-  const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_};
+  const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_, &channel_};
   commands->Resize(n);
+  channel_.Exchange(dt, *traffic);
 #pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
   for (std::size_t i = 0; i < traffic->vehicle_count; ++i) {
     if (!traffic->driven[i]) continue;
@@ -192,6 +199,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   // Decide.
   const Tactics tactics = DecideTactics(world, params_, i, way, leader);
 
+  const Cruise cruise = DecideCruise(world, params_.v2x, i, leader, tactics, dt);
+
   // Plan.
   PlanContext context;
   context.d = now.d[i];
@@ -208,7 +217,12 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   if (leader.row != kNone && !traffic->hazard[leader.row]) {
     context.leader_gap = leader.gap;
     context.leader_speed = leader.speed;
+    context.leader_row = leader.row;
   }
+  context.time_gap = cruise.time_gap;
+  context.cruising = cruise.follows != kNone;
+  context.cruise_accel = cruise.accel;
+  context.leader_decel = cruise.leader_decel;
   Plan plan{0.0, now.d[i], PlanStatus::kOk};
   const bool queued = speed < kStandingSpeed && leader.row != kNone && leader.speed < kStandingSpeed &&
                       leader.gap < vehicle.min_gap + kQueueGap && tactics.lane_change == 0;
@@ -257,6 +271,10 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.speed[i] = next_speed;
   next.accel[i] = (next_speed - speed) / dt;
   next.speed_ref[i] = std::max(0.0, speed + plan.accel * dt);
+  next.planned_accel[i] = plan.accel;
+  next.planned_jerk[i] = (plan.accel - now.planned_accel[i]) / dt;
+  next.time_gap[i] = cruise.time_gap;
+  next.follows[i] = cruise.follows;
   next.steering_angle[i] = steering;
   const double lane_distance = LaneDistance(world, way, now.s[i], progress);
   next.s[i] = now.s[i] + lane_distance;

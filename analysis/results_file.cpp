@@ -300,6 +300,21 @@ void BindRow(const StepHashRow& r, std::int64_t run_id, Binder bind) {
        static_cast<std::int64_t>(r.weighted_sum));
 }
 
+const char* TableOf(const V2xIntervalRow&) {
+  return "v2x_interval";
+}
+void BindRow(const V2xIntervalRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.begin, r.end, r.station_time, r.sent, r.delivered, r.dropped, r.faded, r.collided,
+       r.pair_time, r.mean_age, r.mean_busy, r.max_busy, r.cruise_time, r.platoon_joins, r.platoon_leaves);
+}
+
+const char* TableOf(const V2xAgeRow&) {
+  return "v2x_age";
+}
+void BindRow(const V2xAgeRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.age, r.pair_time);
+}
+
 const char* TableOf(const AuditRow&) {
   return "audit";
 }
@@ -348,16 +363,17 @@ std::optional<std::string> OrNull(const std::string& text) {
 std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
   SQLite::Statement insert(
       *database,
-      "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, rules, safety, "
+      "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, rules, v2x, "
+      "safety, "
       "seed, begin_s, end_s, step_length_s, threads, sumo_options, arguments_json, parameters_json, "
       "input_hashes_json, config_text, lanewise_version, git_commit, sumo_version, compiler, machine) VALUES "
       "(strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Binder bind(&insert);
-  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.safety, info.seed,
-       info.begin, info.end, info.step_length, info.threads, info.sumo_options, info.arguments_json,
-       info.parameters_json, info.input_hashes_json, OrNull(info.config_text), info.lanewise_version,
-       info.git_commit, info.sumo_version, info.compiler, info.machine);
+  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.v2x, info.safety,
+       info.seed, info.begin, info.end, info.step_length, info.threads, info.sumo_options,
+       info.arguments_json, info.parameters_json, info.input_hashes_json, OrNull(info.config_text),
+       info.lanewise_version, info.git_commit, info.sumo_version, info.compiler, info.machine);
   insert.exec();
   return database->getLastInsertRowid();
 }
@@ -506,6 +522,8 @@ template void RunWriter::Add(const std::vector<StepSummaryRow>&);
 template void RunWriter::Add(const std::vector<StepHashRow>&);
 template void RunWriter::Add(const std::vector<EdgeIntervalRow>&);
 template void RunWriter::Add(const std::vector<HistogramRow>&);
+template void RunWriter::Add(const std::vector<V2xIntervalRow>&);
+template void RunWriter::Add(const std::vector<V2xAgeRow>&);
 
 void RunWriter::WriteLoop() {
   const std::chrono::duration<double> interval(params_.commit_interval);
@@ -638,7 +656,7 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
   return Guarded(path, [&] {
     SQLite::Statement query(
         file.database(),
-        "SELECT run_id, scenario, policy, rules, seed, status, started_at, inserted, trajectory_rows, "
+        "SELECT run_id, scenario, policy, rules, v2x, seed, status, started_at, inserted, trajectory_rows, "
         "state_hash, "
         "arrived, mean_duration_s, mean_time_loss_s, distance_km, co2_kg, co2_g_per_km, hard_braking_count, "
         "collisions, agent_striking_outside_junctions, collisions_in_junctions, near_misses, min_ttc_s "
@@ -652,6 +670,7 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
       run.scenario = next().getString();
       run.policy = next().getString();
       run.rules = next().getString();
+      run.v2x = next().getString();
       run.seed = next().getInt64();
       run.status = next().getString();
       run.started_at = next().getString();
@@ -677,11 +696,11 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
 
 std::string FormatInfo(const fs::path& path, std::span<const RunSummary> runs) {
   std::vector<std::vector<std::string>> lines = {{"run", "started (UTC)", "status", "scenario", "policy",
-                                                  "rules", "seed", "inserted", "arrived", "collisions",
+                                                  "rules", "v2x", "seed", "inserted", "arrived", "collisions",
                                                   "near misses", "trajectory rows", "state hash"}};
   for (const RunSummary& run : runs) {
     lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.rules,
-                     Cell(run.seed), Cell(run.inserted), Cell(run.arrived), Cell(run.collisions),
+                     run.v2x, Cell(run.seed), Cell(run.inserted), Cell(run.arrived), Cell(run.collisions),
                      Cell(run.near_misses), Cell(run.trajectory_rows), run.state_hash.value_or("-")});
   }
   return fmt::format("{}: Lanewise results, schema {}, {} run{}\n{}", path.string(), kSchemaVersion,

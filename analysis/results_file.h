@@ -20,6 +20,7 @@
 #include "analysis/encounter.h"
 #include "analysis/safety_monitor.h"
 #include "analysis/trip_recorder.h"
+#include "analysis/v2x_log.h"
 
 namespace SQLite {
 class Database;
@@ -28,7 +29,7 @@ class Database;
 namespace lanewise {
 
 inline constexpr std::uint32_t kResultsApplicationId = 0x4C414E45;  ///< 'LANE', as in results_schema.sql.
-inline constexpr std::uint32_t kSchemaVersion = 4;                  ///< user_version, likewise.
+inline constexpr std::uint32_t kSchemaVersion = 5;                  ///< user_version, likewise.
 
 /// An open results file. Everything that fails throws ConfigError naming the file, what was found and what is
 /// allowed.
@@ -71,6 +72,7 @@ struct RunInfo {
   std::string policy{};
   double penetration{1.0};  ///< Share of vehicles given the policy, as asked for.
   std::string rules{};
+  std::string v2x{"off"};      ///< How much of a radio channel there is.
   std::string safety{"full"};  ///< What is watched: off, contacts, full.
   std::int64_t seed{0};
   double begin{0.0};            ///< [s]
@@ -185,7 +187,8 @@ class RunWriter {
   std::int64_t run_id() const { return run_id_; }
 
   /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
-  /// StepSummaryRow, StepHashRow, EdgeIntervalRow or HistogramRow. Waits while the queue is full.
+  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow, V2xIntervalRow or V2xAgeRow. Waits while the
+  /// queue is full.
   template <class Row>
   void Add(const std::vector<Row>& rows);
 
@@ -199,7 +202,8 @@ class RunWriter {
   using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>,
                           std::vector<TripRow>, std::vector<TrajectoryRow>, std::vector<Contact>,
                           std::vector<Encounter>, std::vector<EncounterSample>, std::vector<StepSummaryRow>,
-                          std::vector<StepHashRow>, std::vector<EdgeIntervalRow>, std::vector<HistogramRow>>;
+                          std::vector<StepHashRow>, std::vector<EdgeIntervalRow>, std::vector<HistogramRow>,
+                          std::vector<V2xIntervalRow>, std::vector<V2xAgeRow>>;
 
   void WriteLoop();
   void Write(const Rows& rows);
@@ -231,6 +235,7 @@ struct RunSummary {
   std::string scenario{};
   std::string policy{};
   std::string rules{};
+  std::string v2x{};
   std::int64_t seed{0};
   std::string status{};
   std::string started_at{};

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "agents/agent_pipeline.h"
+#include "agents/core/random.h"
 #include "agents/sensing/road_view.h"
 
 namespace lanewise {
@@ -29,6 +30,8 @@ class Fleet {
     const std::size_t row = traffic.vehicle_count++;
     traffic.Resize(traffic.vehicle_count);
     traffic.number[row] = static_cast<std::int32_t>(row);
+    traffic.id_hash[row] = HashText(std::to_string(row));
+    traffic.vehicle_class[row] = VehicleClassBit("passenger");
     traffic.policy[row] = policy;
     traffic.params[row] = vehicle;
     AxlesAndActuators("passenger", &traffic.params[row]);
@@ -43,7 +46,8 @@ class Fleet {
     now.s[row] = s;
     now.speed[row] = now.speed_ref[row] = speed;
     now.since_change[row] = 100.0f;
-    now.yielded_to[row] = kNone;
+    now.yielded_to[row] = now.follows[row] = kNone;
+    now.time_gap[row] = vehicle.time_gap;
     traffic.speed_limit[row] = network_.lanes[now.lane[row]].speed_limit;
     guarded_.push_back(0);
     pipeline_.UpdatePoses(&traffic);
