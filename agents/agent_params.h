@@ -97,6 +97,12 @@ struct OpenRoadParams {
   double pursuit_distance{1.0};
 };
 
+/// Rules of the road, where the agents answer for them.
+struct RulesParams {
+  double gap_time{1.0};
+  double patience{60.0};
+};
+
 /// Every parameter of the agents. The Visit table is the only declaration of name, unit, range,
 /// meaning and source.
 struct AgentParams {
@@ -108,6 +114,7 @@ struct AgentParams {
   SectorParams sector;
   ApfParams apf;
   OpenRoadParams open_road;
+  RulesParams rules;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
@@ -247,6 +254,12 @@ struct AgentParams {
           "the front bumper aims at the point of the way this far ahead", "pure pursuit, Coulter 1992");
     field("open_road.pursuit_distance", p.open_road.pursuit_distance, "m", Range{0.2, 20},
           "and at least so far", "pure pursuit, Coulter 1992");
+    field("rules.gap_time", p.rules.gap_time, "s", Range{0.1, 10},
+          "rules = agent: who gives way goes first only if the other arrives this long after it is gone",
+          "SUMO's look-ahead at links: 1 s");
+    field("rules.patience", p.rules.patience, "s", Range{1, 1000},
+          "rules = agent: waiting after which an agent accepts the smallest gap that is safe",
+          "own choice; SUMO's time-to-impatience is 180 s");
   }
 };
 
