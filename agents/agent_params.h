@@ -124,6 +124,12 @@ struct V2xParams {
   double cruise_reaction{0.35};
 };
 
+/// Rules of the road, where the agents answer for them.
+struct RulesParams {
+  double gap_time{1.0};
+  double patience{60.0};
+};
+
 /// Every parameter of the agents. The Visit table is the only declaration of name, unit, range,
 /// meaning and source.
 struct AgentParams {
@@ -136,6 +142,7 @@ struct AgentParams {
   ApfParams apf;
   OpenRoadParams open_road;
   V2xParams v2x;
+  RulesParams rules;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
@@ -325,6 +332,12 @@ struct AgentParams {
     field("v2x.cruise_reaction", p.v2x.cruise_reaction, "s", Range{0.1, 2},
           "time until the brakes answer what the leader tells: a message's age, a step, the powertrain's lag",
           "sum of the defaults");
+    field("rules.gap_time", p.rules.gap_time, "s", Range{0.1, 10},
+          "rules = agent: who gives way goes first only if the other arrives this long after it is gone",
+          "SUMO's look-ahead at links: 1 s");
+    field("rules.patience", p.rules.patience, "s", Range{1, 1000},
+          "rules = agent: waiting after which an agent accepts the smallest gap that is safe",
+          "own choice; SUMO's time-to-impatience is 180 s");
   }
 };
 

@@ -133,13 +133,14 @@ double CurvatureAhead(const World& world, AgentIndex i, const WayAhead& way, dou
 }  // namespace
 
 AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
-                             const AgentParams& params)
+                             const AgentParams& params, Rules rules)
     : network_(network),
       curves_(curves),
       params_(params),
       occupancy_(network),
       avoider_(network, params),
       channel_(network, params.v2x) {
+  if (rules == Rules::kAgent) rules_ = std::make_unique<JunctionRules>(network, curves, params);
   for (int t = 0; t < omp_get_max_threads(); ++t) scratch_.push_back(std::make_unique<PlanScratch>());
 }
 
@@ -172,6 +173,7 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   occupancy_.Build(*traffic);
   avoider_.BeginStep(*traffic);
   const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_, &channel_};
+  if (rules_) rules_->Build(world);
   commands->Resize(n);
   channel_.Exchange(dt, *traffic);
 #pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
@@ -210,7 +212,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   context.target_d = tactics.target_d;
   context.corridor_min = tactics.corridor_min;
   context.corridor_max = tactics.corridor_max;
-  context.free_speed = std::min(FreeSpeed(world, i, driving, way), tactics.speed_cap);
+  RuleAnswer rule;
+  if (rules_) rule = rules_->Decide(world, i, way, leader, dt);
+  context.free_speed = std::min({FreeSpeed(world, i, driving, way), tactics.speed_cap, rule.speed_cap});
   context.vehicle = &vehicle;
   const double horizon = std::max(
       {10.0, speed * params_.dwa.horizon + 4.0, speed * speed / (2.0 * vehicle.max_decel) + speed + 5.0});
@@ -246,7 +250,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   }
 
   // Control.
-  const bool emergency = avoided.emergency || (plan.status == PlanStatus::kNoFeasibleCommand &&
+  const bool emergency = avoided.emergency || rule.emergency ||
+                         (plan.status == PlanStatus::kNoFeasibleCommand &&
                                                speed > SafeSpeed(leader_gap - 0.3, leader_speed,
                                                                  vehicle.emergency_decel - 1.0, 0.25));
   next.speed_pid[i] = now.speed_pid[i];
@@ -284,6 +289,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.since_change[i] = now.since_change[i] + static_cast<float>(dt);
   next.waited[i] = speed < kWalkingSpeed ? now.waited[i] + static_cast<float>(dt) : 0.0f;
   next.yielded_to[i] = tactics.yielded_to;
+  next.rule[i] = rule.state;
 
   commands->lane_speed[i] = lane_distance / dt;
   commands->emergency[i] = next_speed < speed - vehicle.max_decel * dt - 1e-9;

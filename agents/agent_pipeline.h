@@ -8,6 +8,7 @@
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
 #include "agents/planning/dwa.h"
+#include "agents/rules/junction_rules.h"
 #include "agents/sensing/lane_occupancy.h"
 #include "agents/sensing/spatial_grid.h"
 #include "agents/traffic.h"
@@ -20,12 +21,13 @@ namespace lanewise {
 /// number of threads. After warm-up a step does not allocate.
 class AgentPipeline {
  public:
-  AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params);
+  AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params,
+                Rules rules = Rules::kSumo);
   ~AgentPipeline();
 
   /// World poses of agent-driven vehicles in traffic->now from their lane, s and d.
   void UpdatePoses(Traffic* traffic) const;
-  /// One step of `dt` [s]. `guarded[i]`: SUMO's checks guard agent i at the junction ahead.
+  /// One step of `dt` [s]. `guarded[i]`: at the junction ahead of agent i the rules say who goes first.
   void Step(double dt, const std::vector<std::uint8_t>& guarded, Traffic* traffic, Commands* commands);
 
   const AgentParams& params() const { return params_; }
@@ -33,6 +35,8 @@ class AgentPipeline {
   Avoider& avoider() { return avoider_; }
   /// Messages between vehicles and with roadside units; closed until it is opened.
   Channel& channel() { return channel_; }
+  /// Null while SUMO answers for the rules.
+  const JunctionRules* rules() const { return rules_.get(); }
 
  private:
   void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
@@ -45,6 +49,7 @@ class AgentPipeline {
   SpatialGrid grid_{20.0};
   Avoider avoider_;
   Channel channel_;
+  std::unique_ptr<JunctionRules> rules_;  // Null: SUMO answers for them.
   std::vector<double> center_x_, center_y_;
   std::vector<std::unique_ptr<PlanScratch>> scratch_;  // By thread.
 };

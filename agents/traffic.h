@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -15,6 +16,24 @@ namespace lanewise {
 /// Avoidance policy of a vehicle.
 enum class Policy : std::uint8_t { kSumo, kIdm, kDwa, kBp, kBls, kBpDwa, kApf };
 inline constexpr std::string_view kPolicyNames[] = {"sumo", "idm", "dwa", "bp", "bls", "bp_dwa", "apf"};
+
+/// Who answers for signals and right of way.
+enum class Rules : std::uint8_t { kSumo, kAgent };
+inline constexpr std::string_view kRulesNames[] = {"sumo", "agent"};
+
+/// Why the rules of the road stop an agent.
+enum class RuleReason : std::uint8_t { kGo, kSignal, kHalt, kYield, kOccupied, kRoom };
+
+/// What an agent was told by the rules in the last step; others see whether it is going.
+struct RuleState {
+  std::int32_t line_link{kNone};  ///< Link whose stop line is the next one (index of JunctionMap).
+  float at_line{0.0f};            ///< [s] since it halted there; 0: it has not.
+  std::int32_t stop_link{kNone};  ///< Link at which it must stop, and where on it [m].
+  float stop_at{0.0f};
+  std::int32_t waits_for{kNone};  ///< Vehicle number.
+  RuleReason reason{RuleReason::kGo};
+  std::uint8_t forced{0};         ///< Its turn in a circle of waiting vehicles: rules that no longer bind it.
+};
 
 /// What changes of a vehicle from step to step: column i of every vector is row i of Traffic.
 /// A step reads `now` and writes `next`; agent i writes only row i.
@@ -40,6 +59,7 @@ struct Motion {
   std::vector<float> waited;             ///< [s] since the vehicle last went at walking speed.
   std::vector<std::int32_t> yielded_to;  ///< Vehicle number last let in on this edge; kNone if none.
   std::vector<PidState> speed_pid, steering_pid;
+  std::vector<RuleState> rule;
 
   void Resize(std::size_t n);
   /// Moves row `from` to row `to` (a vehicle left; the last row takes its place).
@@ -67,6 +87,7 @@ struct Traffic {
       stop_lane;                    ///< Lane number of the planned stop on the present edge; kNone if none.
   std::vector<double> speed_limit;  ///< [m/s] wanted here: limit x speed factor, at most the type's maximum.
   Motion now, next;
+  std::vector<std::string> signal_states;  ///< What each signal shows: SUMO's letter by link index.
 
   std::size_t size() const { return number.size(); }
   void Resize(std::size_t n);

@@ -76,6 +76,14 @@ Policy ParsePolicy(std::string_view name, std::string_view origin) {
       fmt::format("{}: unknown policy '{}'; allowed: {}", origin, name, fmt::join(kPolicyNames, ", ")));
 }
 
+Rules ParseRules(std::string_view name, std::string_view origin) {
+  for (std::size_t i = 0; i < std::size(kRulesNames); ++i) {
+    if (kRulesNames[i] == name) return static_cast<Rules>(i);
+  }
+  throw ConfigError(
+      fmt::format("{}: unknown value '{}'; allowed: {}", origin, name, fmt::join(kRulesNames, ", ")));
+}
+
 bool IsEquipped(const Penetration& penetration, std::string_view vehicle_id) {
   const RandomStream stream(static_cast<std::uint64_t>(penetration.seed), HashText(vehicle_id),
                             RandomPurpose::kPenetration, 0);
@@ -160,6 +168,14 @@ void VehicleBridge::Read(double time, double dt, Traffic* traffic) {
     guarded_[row] = traffic->driven[row] && NeedsGuard(row, *traffic);
   }
   ReadPersons(time, traffic);
+  ReadSignals(traffic);
+}
+
+void VehicleBridge::ReadSignals(Traffic* traffic) const {
+  traffic->signal_states.resize(network_.signal_ids.size());
+  for (std::size_t k = 0; k < network_.signal_ids.size(); ++k) {
+    traffic->signal_states[k] = libsumo::TrafficLight::getRedYellowGreenState(network_.signal_ids[k]);
+  }
 }
 
 void VehicleBridge::NotePending(double time) {
@@ -202,6 +218,7 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   now.since_change[row] = 0.0f;
   now.waited[row] = 0.0f;
   now.yielded_to[row] = kNone;
+  now.rule[row] = {};
   Replan(row, traffic);
   for (const auto& stop : SumoVehicle::getStops(id))
     coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
@@ -509,7 +526,6 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
 }
 
 bool VehicleBridge::NeedsGuard(std::size_t row, const Traffic& traffic) const {
-  if (rules_ != Rules::kSumo) return false;
   LaneIndex lane = traffic.now.lane[row];
   if (network_.lanes[lane].internal && lane_guarded_[lane]) return true;
   const VehicleParams& vehicle = traffic.params[row];
@@ -549,12 +565,13 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
       traffic->next.since_change[row] = traffic->now.since_change[row];
       traffic->next.yielded_to[row] = kNone;
       traffic->next.waited[row] = 0.0f;
+      traffic->next.rule[row] = {};
       continue;
     }
     const std::string& id = records_[row].id;
     // With checks on SUMO does not brake harder than the type's decel: in an emergency the agent brakes
     // alone.
-    SetChecks(row, guarded_[row] && !commands.emergency[row]);
+    SetChecks(row, rules_ == Rules::kSumo && guarded_[row] && !commands.emergency[row]);
     SumoVehicle::setSpeed(id, commands.lane_speed[row]);
     if (commands.passed_on_lane[row]) {
       // SUMO keeps a lane's vehicles in the order in which they came: put this one in front of whom it

@@ -16,10 +16,6 @@
 
 namespace lanewise {
 
-/// Who answers for signals and right of way.
-enum class Rules : std::uint8_t { kSumo };
-inline constexpr std::string_view kRulesNames[] = {"sumo"};
-
 /// Which of the vehicles without a policy of their own get the run's policy; SUMO drives the others. Drawn by
 /// vehicle id, so a higher rate contains the vehicles of a lower one, whatever the policy.
 struct Penetration {
@@ -66,7 +62,8 @@ class VehicleBridge {
   /// Before a SUMO step: hands the agents' commands over.
   void Write(double dt, Traffic* traffic, const Commands& commands);
 
-  /// By row: SUMO's checks are on for this vehicle in the coming step.
+  /// By row: at the junction ahead of this vehicle the rules say who goes first; with Rules::kSumo SUMO's checks
+  /// are on in the coming step.
   const std::vector<std::uint8_t>& guarded() const { return guarded_; }
   const VehicleRecord& record(std::size_t row) const { return records_[row]; }
   std::span<const std::int32_t> new_vehicles() const {
@@ -113,6 +110,7 @@ class VehicleBridge {
   void ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
   void ReadDriven(std::size_t row, LaneIndex lane, double s, double speed, double dt, Traffic* traffic);
   void ReadPersons(double time, Traffic* traffic);
+  void ReadSignals(Traffic* traffic) const;
   void ReadAllowedSpeed(std::size_t row, Traffic* traffic);
   void FollowRoute(std::size_t row, LaneIndex lane, Traffic* traffic);
   void Replan(std::size_t row, Traffic* traffic);
@@ -152,6 +150,9 @@ class VehicleBridge {
   std::int64_t teleports_{0}, emergency_stops_{0}, lane_end_halts_{0};
   std::int64_t step_{0};
 };
+
+/// Parses a value of --rules. @throws ConfigError likewise.
+Rules ParseRules(std::string_view name, std::string_view origin);
 
 /// Parses a policy name. @throws ConfigError naming `origin` and the names allowed.
 Policy ParsePolicy(std::string_view name, std::string_view origin);

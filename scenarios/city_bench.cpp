@@ -84,6 +84,13 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
             a_in_junctions <= n_in_junctions);
   table.Row("halts at a lane's end for want of a change", "-", count(report.lane_end_halts), "0",
             report.lane_end_halts == 0);
+  for (std::size_t k = 0; k < report.rule_events.size(); ++k) {
+    const auto kind = static_cast<RuleEventKind>(k);
+    const std::int64_t theirs = native_report.rule_events[k], ours = report.rule_events[k];
+    const bool red = kind == RuleEventKind::kRedLight, standstill = kind == RuleEventKind::kStandstill;
+    table.Row(fmt::format("rules: {}", kRuleEventNames[k]).c_str(), count(theirs), count(ours),
+              red ? "0" : standstill ? "<= native" : "", red ? ours == 0 : !standstill || ours <= theirs);
+  }
   table.Row("near misses (TTC < 1.5 s)", count(n.near_misses.value_or(0)), count(a.near_misses.value_or(0)),
             "", true);
   table.Row("CO2 [g/km]", fmt::format("{:.1f}", n.co2_g_per_km.value_or(0.0)),

@@ -65,7 +65,8 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
                   "id and seed: a higher rate contains the vehicles of a lower one")
       ->capture_default_str();
   app->add_option("--rules", o->rules,
-                  "who answers for signals and right of way: sumo (its checks guard the junctions)")
+                  "who answers for signals and right of way: sumo (its checks guard the junctions), or agent "
+                  "(the agents themselves)")
       ->capture_default_str();
   app->add_option(
          "--v2x", o->v2x,
@@ -126,9 +127,8 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   config.scenario = o->scenario;
   config.net_file = o->net_file;
   config.policy = ParsePolicy(o->policy, "--policy");
-  if (o->rules != "sumo")
-    throw ConfigError(fmt::format("--rules: unknown value '{}'; allowed: sumo", o->rules));
   config.v2x = ParseV2xLevel(o->v2x, "--v2x");
+  config.rules = ParseRules(o->rules, "--rules");
   config.safety_level = ParseSafetyLevel(o->safety);
   config.end = o->end;
   if (!o->results.empty()) config.results = o->results;
@@ -214,6 +214,11 @@ int Report(const RunConfig& config, const RunReport& report) {
   fmt::print("audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end\n",
              audit.different, audit.steps, report.lane_end_halts);
   if (config.v2x != V2xLevel::kOff) PrintV2x(config, report.v2x);
+  const auto events = [&](RuleEventKind kind) { return report.rule_events[static_cast<std::size_t>(kind)]; };
+  fmt::print("rules ({}): {} red lights run, {} blocked a junction, {} stood for 300 s, {} forced entries\n",
+             kRulesNames[static_cast<std::size_t>(config.rules)], events(RuleEventKind::kRedLight),
+             events(RuleEventKind::kJunctionBlocked), events(RuleEventKind::kStandstill),
+             events(RuleEventKind::kForcedEntry));
   fmt::print("state hash {:016x}\n", o.state_hash);
   if (config.samples_file) fmt::print("{} samples in {}\n", report.samples, config.samples_file->string());
   if (config.results) fmt::print("run {} in {}\n", report.run_id, config.results->string());

@@ -30,6 +30,7 @@ Recorder::Recorder(const RoadNetwork& network, const RecorderParams& params, Run
       trips_(params.step_length, {.ttc_encounter = params.safety.ttc_encounter}),
       edges_(network, params.begin, params.step_length, params.edge_interval),
       comfort_(params.step_length),
+      rules_(network, params.step_length),
       shares_(std::size(kPolicyNames)) {
   for (std::size_t i = 0; i < shares_.size(); ++i) shares_[i].policy = kPolicyNames[i];
   if (writer_ == nullptr) return;
@@ -59,6 +60,7 @@ void Recorder::Observe(std::int64_t step, double time, double wall_time, const T
   trips_.Observe(frame_, safety_.row_ttc(), safety_.row_drac());
   edges_.Observe(frame_);
   comfort_.Observe(frame_);
+  rules_.Observe(time, traffic);
   for (const Departure& gone : bridge.gone())
     FinishTrip(gone.number, time, gone.arrived ? TripEnd::kArrived : TripEnd::kVaporized);
   if (IsDue(step, params_.sample_period, params_.step_length)) Sample();
@@ -218,11 +220,13 @@ void Recorder::Flush() {
     writer_->Add(safety_.TakeFinishedEncounters());
     writer_->Add(safety_.TakeFinishedSamples());
     writer_->Add(edges_.TakeFinished());
+    rules_.TakeEvents();
   } else {
     safety_.TakeFinishedContacts();
     safety_.TakeFinishedEncounters();
     safety_.TakeFinishedSamples();
     edges_.TakeFinished();
+    rules_.TakeEvents();
   }
   vehicles_.clear();
   finished_trips_.clear();

@@ -9,6 +9,7 @@
 #include "analysis/comfort_histogram.h"
 #include "analysis/edge_recorder.h"
 #include "analysis/results_file.h"
+#include "analysis/rule_watch.h"
 #include "analysis/safety_monitor.h"
 #include "analysis/traffic_frame.h"
 #include "analysis/trip_recorder.h"
@@ -43,6 +44,7 @@ class Recorder {
   std::int64_t vaporized() const { return vaporized_; }
   std::int64_t running() const { return inserted_ - arrived_ - vaporized_; }
   std::vector<PolicyShareRow> policy_shares() const;
+  const RuleWatch& rules() const { return rules_; }
   double safety_time() const { return safety_time_; }  ///< [s] wall time in the safety engine.
 
  private:
@@ -72,6 +74,7 @@ class Recorder {
   TripRecorder trips_;
   EdgeRecorder edges_;
   ComfortHistogram comfort_;
+  RuleWatch rules_;
   std::vector<VehicleRow> vehicles_;
   std::vector<TripRow> finished_trips_;
   std::vector<TrajectoryRow> samples_;

@@ -141,7 +141,7 @@ RunReport Run(const RunConfig& config) {
   }
   Traffic traffic;
   Commands commands;
-  AgentPipeline pipeline(network, curves, effective.params);
+  AgentPipeline pipeline(network, curves, effective.params, effective.rules);
   pipeline.avoider().SetSeed(static_cast<std::uint64_t>(effective.seed));
   pipeline.channel().Open(effective.v2x, static_cast<std::uint64_t>(effective.seed));
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
@@ -221,6 +221,8 @@ RunReport Run(const RunConfig& config) {
   report.audit = bridge.audit();
   report.lane_end_halts = bridge.lane_end_halts();
   report.emergency_stops = bridge.emergency_stops();
+  for (std::size_t k = 0; k < report.rule_events.size(); ++k)
+    report.rule_events[k] = recorder.rules().count(static_cast<RuleEventKind>(k));
   outcome.audit = AuditRows(report.audit, report.lane_end_halts, report.emergency_stops);
   if (writer) {
     report.run_id = writer->run_id();

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 
 #include "agents/v2x/channel.h"
 #include "analysis/results_file.h"
+#include "analysis/rule_watch.h"
 #include "libsumo_bridge/coupling_audit.h"
 #include "scenarios/run_config.h"
 
@@ -19,6 +21,7 @@ struct RunReport {
   std::int64_t lane_end_halts{0};
   std::int64_t emergency_stops{0};
   std::int64_t samples{0};    ///< Sector-scan samples recorded.
+  std::array<std::int64_t, std::size(kRuleEventNames)> rule_events{};  ///< By RuleEventKind.
   double agent_time{0.0};     ///< [s] wall time in the agents' step.
   double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.
   double record_time{0.0};    ///< [s] wall time for measures and results.

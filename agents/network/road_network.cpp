@@ -293,6 +293,7 @@ class NetFileReader {
     if (element.attribute("via")) connection.via = LaneNamed(element, "via", Text(element, "via"));
     connection.direction = FirstCharacter(element, "dir", connection.direction);
     connection.state = FirstCharacter(element, "state", connection.state);
+    connection.keep_clear = element.attribute("keepClear").as_bool(true);
     if (element.attribute("tl")) {
       connection.signal = SignalNamed(Text(element, "tl"));
       connection.link_index = Value<std::int32_t>(element, "linkIndex");

@@ -29,6 +29,7 @@ struct Connection {
   std::int32_t link_index{kNone};  ///< Character in the signal's state string.
   std::int32_t junction{kNone};    ///< Index in RoadNetwork::junctions.
   std::int32_t request{kNone};  ///< Row of the junction's right-of-way matrix (links of normal lanes only).
+  bool keep_clear{true};        ///< SUMO's `keepClear`: enter only with room behind the junction.
 };
 
 /// Has who takes the connection to yield, with no signal to tell when?

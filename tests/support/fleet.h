@@ -15,11 +15,12 @@ namespace lanewise {
 /// benchmarks.
 class Fleet {
  public:
-  Fleet(const RoadNetwork& network, const AgentParams& params = {})
+  Fleet(const RoadNetwork& network, const AgentParams& params = {}, Rules rules = Rules::kSumo)
       : network_(network),
+        rules_(rules),
         params_(params),
         curves_(FitLaneCurves(network, {})),
-        pipeline_(network_, curves_, params) {}
+        pipeline_(network_, curves_, params, rules) {}
 
   /// Adds a vehicle; `route` are edge ids, the vehicle starts on lane number `lane` of the first.
   std::size_t Add(const std::vector<std::string>& route, int lane, double s, double speed,
@@ -49,7 +50,7 @@ class Fleet {
     now.yielded_to[row] = now.follows[row] = kNone;
     now.time_gap[row] = vehicle.time_gap;
     traffic.speed_limit[row] = network_.lanes[now.lane[row]].speed_limit;
-    guarded_.push_back(0);
+    guarded_.push_back(rules_ == Rules::kAgent);
     pipeline_.UpdatePoses(&traffic);
     return row;
   }
@@ -109,6 +110,7 @@ class Fleet {
   }
 
   const RoadNetwork& network_;
+  Rules rules_;
   AgentParams params_;
   std::vector<LaneCurve> curves_;
   AgentPipeline pipeline_;
