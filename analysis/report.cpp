@@ -155,6 +155,36 @@ Json Distribution(const RunGroup& group, const char* measure, Files* files) {
           {"points", points}};
 }
 
+/// Jerk, lateral acceleration and acceleration over driving time: shares of the recorded bins, whoever drove.
+Json Comfort(const RunGroup& group, Files* files) {
+  struct Bin {
+    Json lower, upper;
+    double time{0.0};
+  };
+  std::map<std::string, std::map<std::int64_t, Bin>> measures;
+  for (const RunRecord* run : group.runs) {
+    SQLite::Statement query(
+        files->Of(*run),
+        "SELECT measure, bin, lower, upper, SUM(vehicle_time_s) FROM histogram WHERE run_id = ? GROUP BY "
+        "measure, bin");
+    query.bind(1, run->run_id);
+    while (query.executeStep()) {
+      Bin& bin = measures[query.getColumn(0).getString()][query.getColumn(1).getInt64()];
+      bin.lower = OrNull(query.getColumn(2));
+      bin.upper = OrNull(query.getColumn(3));
+      bin.time += query.getColumn(4).getDouble();
+    }
+  }
+  Json shares = Json::object();
+  for (const auto& [measure, bins] : measures) {
+    double time = 0.0;
+    for (const auto& [number, bin] : bins) time += bin.time;
+    shares[measure] = Json::array();
+    for (const auto& [number, bin] : bins) shares[measure].push_back({bin.lower, bin.upper, bin.time / time});
+  }
+  return {{"scenario", group.scenario}, {"label", group.label}, {"shares", shares}};
+}
+
 Json ConflictMap(const RunGroup& group, Files* files) {
   const RunRecord& run = *group.runs.front();
   // The severe ones first: they are kept if there are too many.
@@ -293,7 +323,7 @@ std::string BuildReport(std::span<const RunRecord> runs, const CompareParams& pa
   data["metrics"] = Json::array();
   for (const MetricInfo& m : AllMetrics())
     data["metrics"].push_back({{"name", m.name}, {"label", m.label}, {"better", BetterName(m.better)}});
-  for (const char* list : {"labels", "flow_density", "cdf", "maps", "time_space", "demands"})
+  for (const char* list : {"labels", "flow_density", "cdf", "comfort", "maps", "time_space", "demands"})
     data[list] = Json::array();
   data["networks"] = Json::object();
   Files files;
@@ -305,6 +335,7 @@ std::string BuildReport(std::span<const RunRecord> runs, const CompareParams& pa
       data["flow_density"].push_back(FlowDensity(group, &files));
       for (const char* measure : {"min_ttc_s", "pet_s"})
         data["cdf"].push_back(Distribution(group, measure, &files));
+      data["comfort"].push_back(Comfort(group, &files));
       data["maps"].push_back(ConflictMap(group, &files));
       data["time_space"].push_back(TimeSpace(group, &files));
     });

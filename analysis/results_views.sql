@@ -2,8 +2,7 @@
 -- them; Lanewise's own commands define them anew for older files, without writing.
 
 -- One row a run with every measure `lanewise compare` knows; rates are over all that was driven, means named so over
--- arrived vehicles only. Rates per hour of driving come last; `lanewise compare` leaves them out, as they ask what those
--- per kilometre ask.
+-- arrived vehicles only.
 CREATE VIEW v_run_metrics (
   run_id,
   scenario,
@@ -25,6 +24,7 @@ CREATE VIEW v_run_metrics (
   delay_s,                  -- Time loss and departure delay per vehicle, arrived or still driving.
   depart_delay_s,           -- Mean over all that entered.
   mean_speed_mps,           -- Distance by time, all vehicles.
+  speed_variance_m2ps2,     -- Of each vehicle's speed over its trip, planned stops excluded; mean over driving time.
   stops_per_km,
   contacts_per_1000km,      -- Outside junctions. NULL, as below, where run.safety says it was not watched.
   junction_contacts_per_1000km,
@@ -65,14 +65,14 @@ SELECT run.run_id, run.scenario, run.policy, run.seed, run.status,
        t.km, t.hours,
        t.time_loss_s, t.travel_time_s, t.waiting_time_s,
        t.delay_s, t.depart_delay_s,
-       1e3 * t.km / NULLIF(3600.0 * t.hours, 0.0), t.stops / t.some_km,
+       1e3 * t.km / t.some_h / 3600.0, t.speed_variance_m2ps2, t.stops / t.some_km,
        CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.outside, 0) / t.some_km END,
        CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.inside, 0) / t.some_km END,
        CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.strikes, 0) / t.some_km END,
        CASE WHEN run.safety = 'full' THEN 1e3 * COALESCE(e.near_misses, 0) / t.some_km END,
        CASE WHEN run.safety = 'full' THEN 1e3 * COALESCE(e.encounters, 0) / t.some_km END,
        CASE WHEN run.safety = 'full' THEN 1e3 * COALESCE(e.serious, 0) / t.some_km END,
-       CASE WHEN run.safety = 'full' THEN t.ttc_exposed_s / NULLIF(t.hours, 0.0) END,
+       CASE WHEN run.safety = 'full' THEN t.ttc_exposed_s / t.some_h END,
        1e2 * t.hard_braking / t.some_km, t.jerk_mps3, t.max_lateral_accel_mps2,
        t.co2_g / t.some_km, t.nox_g / t.some_km, t.pmx_g / t.some_km, t.fuel_g / t.some_km, t.electricity_wh / t.some_km,
        v.sent / v.station_time_s, v.delivered * 1.0 / v.heard, v.age_s, v.busy_ratio, v.cruise_time_s / NULLIF(run.agent_steps * run.step_length_s, 0.0),
@@ -95,6 +95,8 @@ LEFT JOIN (SELECT run_id, SUM(trip_end = 'arrived') AS arrived,
                   SUM(waiting_count) AS stops, SUM(hard_braking_count) AS hard_braking,
                   SQRT(SUM(rms_jerk_mps3 * rms_jerk_mps3 * steps)
                        / NULLIF(SUM(CASE WHEN rms_jerk_mps3 IS NOT NULL THEN steps END), 0)) AS jerk_mps3,
+                  SUM(speed_variance_m2ps2 * steps)
+                  / NULLIF(SUM(CASE WHEN speed_variance_m2ps2 IS NOT NULL THEN steps END), 0) AS speed_variance_m2ps2,
                   AVG(max_lateral_accel_mps2) AS max_lateral_accel_mps2,
                   SUM(ttc_exposed_s) AS ttc_exposed_s,
                   SUM(co2_mg) / 1e3 AS co2_g, SUM(nox_mg) / 1e3 AS nox_g, SUM(pmx_mg) / 1e3 AS pmx_g,

@@ -31,6 +31,8 @@ constexpr MetricInfo kMetrics[] = {
      "below 0.1 m/s; mean over arrived vehicles"},
     {"depart_delay_s", "departure delay [s]", Better::kLower, false, "mean over all that entered"},
     {"mean_speed_mps", "mean speed [m/s]", Better::kHigher, false, "distance by time, all vehicles"},
+    {"speed_variance_m2ps2", "speed variance [m^2/s^2]", Better::kLower, false,
+     "of each vehicle's speed over its trip; mean over driving time"},
     {"arrived", "arrived", Better::kHigher, true, "vehicles that reached their destination"},
     {"stops_per_km", "stops [1/km]", Better::kLower, true, "times a vehicle came below 0.1 m/s"},
     {"contacts_per_1000km", "contacts, mid-block [1/1000 km]", Better::kLower, true,
@@ -65,6 +67,18 @@ constexpr MetricInfo kMetrics[] = {
     {"cruise_share", "cooperative cruise [-]", Better::kNeither, false,
      "share of the agents' driving time behind a leader that tells what it is about to do"},
     {"teleported", "teleports", Better::kLower, false, "vehicles SUMO lifted out of a jam"},
+    {"stops_per_h", "stops [1/h]", Better::kLower, false, "per hour driven by all vehicles together"},
+    {"contacts_per_1000h", "contacts, mid-block [1/1000 h]", Better::kLower, false, "likewise"},
+    {"junction_contacts_per_1000h", "contacts, junctions [1/1000 h]", Better::kLower, false, "likewise"},
+    {"near_misses_per_h", "near misses [1/h]", Better::kLower, false, "likewise"},
+    {"encounters_per_h", "encounters [1/h]", Better::kLower, false, "likewise"},
+    {"serious_encounters_per_h", "serious encounters [1/h]", Better::kLower, false, "likewise"},
+    {"hard_braking_per_h", "hard braking [1/h]", Better::kLower, false, "likewise"},
+    {"co2_g_per_h", "CO2 [g/h]", Better::kLower, false, "likewise"},
+    {"nox_g_per_h", "NOx [g/h]", Better::kLower, false, "likewise"},
+    {"pmx_g_per_h", "PMx [g/h]", Better::kLower, false, "likewise"},
+    {"fuel_g_per_h", "fuel [g/h]", Better::kLower, false, "likewise"},
+    {"electricity_wh_per_h", "electricity [Wh/h]", Better::kLower, false, "likewise"},
 };
 
 /// Options that name files or say what is written: the files' content is hashed, outputs change no traffic.

@@ -5,6 +5,7 @@
 
 #include <fmt/ranges.h>
 #include <chrono>
+#include <ctime>
 #include <memory>
 
 #include <nlohmann/json.hpp>
@@ -160,6 +161,7 @@ RunReport Run(const RunConfig& config) {
   RunReport report;
   RunOutcome& outcome = report.outcome;
   const InterruptGuard interrupt;
+  const std::clock_t cpu_start = std::clock();
 
   try {
     while (session.ExpectedNumber() > 0 && (!effective.end || session.time() < *effective.end - 0.5 * dt)) {
@@ -229,6 +231,7 @@ RunReport Run(const RunConfig& config) {
     writer->Finish(outcome);
   }
   report.finish_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - finish_start).count();
+  report.cpu_time = static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC;
   return report;
 }
 

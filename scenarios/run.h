@@ -27,6 +27,7 @@ struct RunReport {
   double record_time{0.0};    ///< [s] wall time for measures and results.
   double finish_time{0.0};    ///< [s] wall time after the last step, until the results are closed.
   double safety_time{0.0};    ///< [s] of record_time in the safety engine.
+  double cpu_time{0.0};       ///< [s] of processor time of all threads, from the first step to the end.
 };
 
 /// Runs a resolved configuration to its end, or until SIGINT (then the outcome is kInterrupted).

@@ -52,6 +52,7 @@
 
   const axis = (name, more = {}) => ({type: 'value', name, nameLocation: 'middle', nameGap: 32, scale: true,
     nameTextStyle: {fontWeight: 600}, ...more});
+  const mean = (v) => v.reduce((a, b) => a + b, 0) / v.length;
   const grid = {left: 80, right: 40, top: 50, bottom: 60};
   const scenarios = data.comparison.scenarios.map((s, i) => [i, s.scenario]);
   const metrics = data.metrics.map((m) => [m.name, m.label]);
@@ -81,6 +82,19 @@
     if (s.notes.length) section.append(element('p', {className: 'hint'}, 'Notes'), element('ul', {}, ...s.notes.map((n) => element('li', {className: 'hint'}, n))));
     page.append(section);
   }
+
+  // Who drove in fact.
+  const drivers = [...new Set(data.runs.flatMap((r) => r.shares.map(([policy]) => policy)))].sort();
+  chart('shares', 'Who drove', 'Realised shares of the policies among the vehicles that entered; mean over the runs of a label.', [['scenario', scenarios]], ([si]) => {
+    const used = data.runs.filter((r) => r.scenario === data.comparison.scenarios[si].scenario && r.used);
+    const labels = data.labels.filter((label) => used.some((r) => r.label === label));
+    if (!labels.length) return null;
+    const share = (label, policy) => mean(used.filter((r) => r.label === label).map((r) => 100 * (r.shares.find(([p]) => p === policy) || [policy, 0])[1]));
+    return {grid: {...grid, left: 170}, legend, color: palette, xAxis: axis('share of vehicles [%]', {min: 0, max: 100}),
+      yAxis: {type: 'category', data: labels, inverse: true, axisLabel: {width: 150, overflow: 'break'}},
+      tooltip: {trigger: 'axis', axisPointer: {type: 'shadow'}, valueFormatter: (v) => `${format(v)} %`},
+      series: drivers.map((policy) => ({name: policy, type: 'bar', stack: 'all', barMaxWidth: 34, encode: {x: 0, y: 1}, data: labels.map((label, i) => [share(label, policy), i])}))};
+  });
 
   // Metric by policy: mean and interval, each run a point.
   chart('metric', 'Metric by policy', 'Bar: 95 % interval of the mean over runs; small points: runs.', [['scenario', scenarios], ['metric', metrics]], ([si, name]) => {
@@ -139,6 +153,22 @@
         series: sets.map((c) => ({name: `${c.label} (${c.count.toLocaleString('en')} encounters)`, type: 'line', step: 'end', symbol: 'none', color: colour[c.label], data: c.points}))};
     });
 
+  // How smooth.
+  const comfort = {jerk_mps3: 'jerk, either way [m/s^3]', lateral_accel_mps2: 'lateral acceleration, either side [m/s^2]', accel_mps2: 'deceleration [m/s^2]'};
+  chart('comfort', 'How smooth: jerk, lateral acceleration, braking', 'Share of all driving time spent at x or more; planned stops left out.',
+    [['scenario', scenarios], ['measure', Object.entries(comfort)]], ([si, measure]) => {
+      const sets = data.comfort.filter((c) => c.scenario === data.comparison.scenarios[si].scenario && c.shares[measure]);
+      if (!sets.length) return null;
+      const both = measure !== 'accel_mps2';
+      // A bin [lower, upper, share] without a bound is open.
+      const beyond = (bins, x) => bins.reduce((sum, [lower, upper, share]) => sum + ((both && lower != null && lower >= x) || (upper != null && -upper >= x) ? share : 0), 0);
+      const curve = (bins) => [...new Set(bins.flatMap(([lower, upper]) => [lower, upper]).filter((x) => x != null).map(Math.abs))].sort((a, b) => a - b)
+        .map((x) => [x, beyond(bins, x)]).filter(([, share]) => share > 0);
+      return {grid, legend, xAxis: axis(comfort[measure], {min: 0}), yAxis: {...axis('share of driving time', {nameGap: 55}), type: 'log', max: 1},
+        tooltip: {trigger: 'axis', axisPointer: {type: 'cross'}, valueFormatter: (v) => format(v, 3)},
+        series: sets.map((c) => ({name: c.label, type: 'line', symbol: 'none', color: colour[c.label], data: curve(c.shares[measure])}))};
+    });
+
   // Conflict map.
   if (data.maps.length) {
     const types = [...new Set(data.maps.flatMap((m) => m.points.map((p) => p[2])))].sort();
@@ -174,7 +204,6 @@
       if (!groups.has(r.label)) groups.set(r.label, {kind: r.shares.filter(([p]) => p !== 'sumo').map(([p]) => p).sort().join('+') + (r.label.match(/ \[.*/) || [''])[0], runs: []});
       groups.get(r.label).runs.push(r);
     }
-    const mean = (v) => v.reduce((a, b) => a + b, 0) / v.length;
     const kinds = [...new Set([...groups.values()].map((g) => g.kind))].filter((k) => k !== '');
     const lines = (kinds.length ? kinds : ['']).map((kind) => ({name: kind || 'no agents', type: 'line', symbolSize: 9,
       data: [...groups.values()].filter((g) => g.kind === kind || g.kind === '').map((g) => [100 * mean(g.runs.map((r) => r.agent_share)), mean(g.runs.map((r) => r.metrics[name]))]).sort((a, b) => a[0] - b[0])}));
