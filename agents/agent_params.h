@@ -71,10 +71,14 @@ struct SectorParams {
   double decel{4.0};
   double side_clearance{0.6};
   double side_range{8.5};
+  double turn_reach{10.0};
+  double turn_width{5.0};
   double turn_speed{2.5};
+  double decide_by{6.0};
   double stop_distance{0.8};
-  double flank_clearance{0.3};
-  double corner_clearance{0.2};
+  double strip_clearance{0.5};
+  double flank_clearance{0.25};
+  double guard_reach{3.0};
 };
 
 /// Artificial potential field.
@@ -248,16 +252,27 @@ struct AgentParams {
           "the front sectors' zone is the vehicle's width and this on both sides", "own choice");
     field("sector.side_range", p.sector.side_range, "m", Range{0.5, 30},
           "how far the other sectors' zone reaches at most", "own choice: a car's length and its turn");
+    field("sector.turn_reach", p.sector.turn_reach, "m", Range{2, 30},
+          "open roads: bp and bls choose a side by what is nearer than this, and look so far for a free strip",
+          "own choice: a lane's width aside takes a car about 8 m");
+    field("sector.turn_width", p.sector.turn_width, "m", Range{1, 30},
+          "open roads: and by what is within this to either side", "own choice: a lane and a half");
     field("sector.turn_speed", p.sector.turn_speed, "m/s", Range{0.5, 15},
           "speed at which bp, bls and apf turn aside when the strip ahead is not free",
           "own choice: the turning circle lies within the zone at standstill");
-    field("sector.stop_distance", p.sector.stop_distance, "m", Range{0.1, 10},
-          "bp, bls and apf stop where something is nearer ahead", "own choice");
-    field("sector.flank_clearance", p.sector.flank_clearance, "m", Range{0, 3},
-          "they do not turn so tightly that a flank would come nearer to anything", "own choice");
-    field("sector.corner_clearance", p.sector.corner_clearance, "m", Range{0, 3},
-          "just ahead, where the front sectors are narrower than the vehicle, this beside it must be free",
+    field("sector.decide_by", p.sector.decide_by, "m", Range{0, 30},
+          "open roads: nearer than this to what blocks the strip, bp and bls take a side even if the scan "
+          "speaks for none",
           "own choice");
+    field("sector.stop_distance", p.sector.stop_distance, "m", Range{0.1, 10},
+          "open roads: nothing free as near as this, bp, bls and apf stop", "own choice");
+    field("sector.strip_clearance", p.sector.strip_clearance, "m", Range{0, 3},
+          "open roads: room beside the strip bp and bls steer into", "own choice");
+    field("sector.flank_clearance", p.sector.flank_clearance, "m", Range{0, 3},
+          "open roads: bp, bls and apf do not steer so that the outline would come nearer to anything",
+          "own choice");
+    field("sector.guard_reach", p.sector.guard_reach, "m", Range{0.5, 20},
+          "open roads: for at least so far, or until they can stop", "own choice: most of a car's length");
     field("apf.gain", p.apf.gain, "m^3", Range{0, 1000},
           "repulsion gain (1/r - 1/range) / r^2 against a pull of 1 along the road", "Khatib 1986, Eq. 16");
     field("apf.range", p.apf.range, "m", Range{0.5, 30}, "farther edges do not repel", "Khatib 1986, Eq. 16");

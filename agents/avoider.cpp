@@ -3,6 +3,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "agents/sector_net/weight_file.h"
 
@@ -54,6 +55,12 @@ Avoider::Result Avoider::Drive(const World& world, AgentIndex ego, const Leader&
   const Traffic& traffic = *world.traffic;
   const Policy policy = traffic.policy[ego];
   Scratch& own = *scratch_[static_cast<std::size_t>(thread)];
+  const bool open = has_open_roads_ && leader.row == kNone &&
+                    IsOpenRoad(*world.network, traffic.now.lane[ego], params_.open_road);
+  Result result;
+  if (open && policy != Policy::kDwa && policy != Policy::kBpDwa) {
+    if (DriveBySight(world, ego, context, *scratch, &own, &result)) return result;
+  }
   SectorScan scan;
   Avoidance advice = Avoidance::kForward;
   if (ScansSectors(policy)) {
@@ -62,10 +69,7 @@ Avoider::Result Avoider::Drive(const World& world, AgentIndex ego, const Leader&
                        leader.row == kNone ? 0.0 : leader.speed, errors, &own.reflectors);
     if (scan.code != 0) advice = (policy == Policy::kBls ? bls_ : bp_)[scan.code];
   }
-  Result result;
-  const bool open = has_open_roads_ && leader.row == kNone &&
-                    IsOpenRoad(*world.network, traffic.now.lane[ego], params_.open_road);
-  if (open && DriveOpenRoad(world, ego, context, scan, advice, &own, &result)) return result;
+  if (open && DriveOpenRoad(world, ego, context, advice, &own, &result)) return result;
   result.plan = ScansSectors(policy) ? DriveInLane(world, ego, context, scan, advice, own, scratch)
                                      : PlanDwa(params_, context, scratch);
   return result;
@@ -82,31 +86,41 @@ WayMemory& Avoider::Remember(const World& world, AgentIndex ego) {
   return memory;
 }
 
-bool Avoider::DriveOpenRoad(const World& world, AgentIndex ego, const PlanContext& context,
-                            const SectorScan& scan, Avoidance advice, Scratch* scratch, Result* result) {
-  SenseOpenRoad(world, ego, params_.open_road.sight, &scratch->open);
-  const OpenRoadView& view = scratch->open;
-  if (view.vehicles) return false;
-  OpenRoadPlan plan;
-  switch (world.traffic->policy[ego]) {
-    case Policy::kBp:
-    case Policy::kBls:
-      plan = DriveBySectors(world, ego, params_, context.free_speed, scan, advice, scratch->reflectors,
-                            &Remember(world, ego).advice);
-      break;
-    case Policy::kApf:
-      plan = DriveByPotential(world, ego, params_, context.free_speed, context.target_d, scan,
-                              scratch->reflectors);
-      break;
-    default:
-      if (view.standing.empty() && view.moving.empty()) return false;
-      plan = PlanOpenRoad(world, ego, params_, context.free_speed, context.target_d, advice, view,
-                          &scratch->search, &Remember(world, ego));
-  }
+void Avoider::Steer(const OpenRoadPlan& plan, const PlanContext& context, Result* result) {
   result->plan = {plan.accel, context.d, PlanStatus::kOk};
   result->steers = true;
   result->course = plan.course;
   result->emergency = plan.emergency;
+}
+
+bool Avoider::DriveBySight(const World& world, AgentIndex ego, const PlanContext& context,
+                           const PlanScratch& plan_scratch, Scratch* scratch, Result* result) {
+  SenseOpenRoad(world, ego, params_.open_road.sight, &scratch->open);
+  if (scratch->open.vehicles) return false;
+  const Traffic& traffic = *world.traffic;
+  const ScanErrors errors(params_.lidar, seed_, traffic.number[ego], step_);
+  // By whole beams, so that the turned scan has the lidar's own beams.
+  const double turn = lidar_.spacing() * std::round(traffic.now.heading_error[ego] / lidar_.spacing());
+  LidarScene& scene = scratch->reflectors;
+  CollectReflectors(world, ego, plan_scratch.way, plan_scratch.view, params_.lidar.max_range, turn, &scene);
+  const RoadScan scan{lidar_, errors, scene, turn};
+  const Policy policy = traffic.policy[ego];
+  Steer(policy == Policy::kApf
+            ? DriveByPotential(world, ego, params_, context.free_speed, context.target_d, scan)
+            : DriveBySectors(world, ego, params_, context.free_speed, context.target_d, scan,
+                             policy == Policy::kBls ? bls_ : bp_, &Remember(world, ego).advice),
+        context, result);
+  return true;
+}
+
+bool Avoider::DriveOpenRoad(const World& world, AgentIndex ego, const PlanContext& context, Avoidance advice,
+                            Scratch* scratch, Result* result) {
+  SenseOpenRoad(world, ego, params_.open_road.sight, &scratch->open);
+  const OpenRoadView& view = scratch->open;
+  if (view.vehicles || (view.standing.empty() && view.moving.empty())) return false;
+  Steer(PlanOpenRoad(world, ego, params_, context.free_speed, context.target_d, advice, view,
+                     &scratch->search, &Remember(world, ego)),
+        context, result);
   return true;
 }
 

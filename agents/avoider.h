@@ -44,8 +44,12 @@ class Avoider {
   };
 
   WayMemory& Remember(const World& world, AgentIndex ego);
-  bool DriveOpenRoad(const World& world, AgentIndex ego, const PlanContext& context, const SectorScan& scan,
-                     Avoidance advice, Scratch* scratch, Result* result);
+  static void Steer(const OpenRoadPlan& plan, const PlanContext& context, Result* result);
+  /// Open roads by the lidar alone: bp, bls, apf. @return false where other vehicles are near.
+  bool DriveBySight(const World& world, AgentIndex ego, const PlanContext& context,
+                    const PlanScratch& plan_scratch, Scratch* scratch, Result* result);
+  bool DriveOpenRoad(const World& world, AgentIndex ego, const PlanContext& context, Avoidance advice,
+                     Scratch* scratch, Result* result);
   Plan DriveInLane(const World& world, AgentIndex ego, PlanContext context, const SectorScan& scan,
                    Avoidance advice, const Scratch& scratch, PlanScratch* plan_scratch) const;
 

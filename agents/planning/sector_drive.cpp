@@ -3,87 +3,175 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/planning/car_following.h"
+#include "agents/vehicle/kinematic_bicycle.h"
+
 namespace lanewise {
 namespace {
 
-/// Does the edge reach into a box of the sensor's frame (Liang, Barsky 1984)?
-bool ReachesInto(const ReflectingEdge& edge, double x0, double x1, double y0, double y1) {
-  double t0 = 0.0, t1 = 1.0;
-  const auto clip = [&](double value, double slope) {
-    if (slope == 0.0) return value >= 0.0;
-    const double t = -value / slope;
+/// Part [t0, t1] of an edge; empty if t0 > t1.
+struct Part {
+  double t0{0.0}, t1{1.0};
+
+  bool empty() const { return t0 > t1; }
+  /// Keeps where value + t * slope >= 0 (Liang, Barsky 1984).
+  void Keep(double value, double slope) {
     if (slope > 0.0) {
-      t0 = std::max(t0, t);
-    } else {
-      t1 = std::min(t1, t);
+      t0 = std::max(t0, -value / slope);
+    } else if (slope < 0.0) {
+      t1 = std::min(t1, -value / slope);
+    } else if (value < 0.0) {
+      t1 = -1.0;
     }
-    return t0 <= t1;
-  };
-  const double ex = edge.b.x - edge.a.x, ey = edge.b.y - edge.a.y;
-  return clip(edge.a.x - x0, ex) && clip(x1 - edge.a.x, -ex) && clip(edge.a.y - y0, ey) &&
-         clip(y1 - edge.a.y, -ey);
-}
-
-bool AnyIn(const LidarScene& scene, double x0, double x1, double y0, double y1) {
-  return std::any_of(scene.edges().begin(), scene.edges().end(),
-                     [&](const ReflectingEdge& e) { return ReachesInto(e, x0, x1, y0, y1); });
-}
-
-/// Greatest slip angle [rad] to each side at which the flank does not sweep over what is beside it. Turning
-/// about a centre R beside the rear axle, the flank's inner circle is R - w / 2 wide: a point (x from the
-/// rear axle, y beside) stays free if x^2 + (R - y)^2 < (R - w / 2 - margin)^2.
-struct TurnLimits {
-  double left, right;
+  }
 };
 
-TurnLimits LimitTurns(const AgentParams& params, const VehicleParams& vehicle, const LidarScene& scene) {
-  const double l_r = vehicle.rear_axle_to_front, half = 0.5 * vehicle.width + params.sector.flank_clearance;
-  const double max_slip = params.open_road.max_course, reach = params.sector.standstill;
-  double radius[2] = {0.0, 0.0};  // Least one to the left and to the right.
+/// [m] that a strip in direction `course` is free, at most `reach`. At the bumper it is as wide as the
+/// vehicle, and widens by `clearance` on both sides over `taper`: things beside the bumper are the guard's.
+double FreeLength(const LidarScene& scene, double course, double half_width, double clearance, double reach) {
+  constexpr double kTaper = 3.0;  // [m]
+  const double c = std::cos(course), n = std::sin(course), widening = clearance / kTaper;
+  double length = reach;
   for (const ReflectingEdge& edge : scene.edges()) {
-    for (int k = 0; k <= 4; ++k) {
-      const double x = l_r + edge.a.x + 0.25 * k * (edge.b.x - edge.a.x);
-      const double y = edge.a.y + 0.25 * k * (edge.b.y - edge.a.y);
-      if (x < 0.0 || x > l_r + reach || std::abs(y) > reach || std::abs(y) < 0.25 * vehicle.width) continue;
-      double& least = radius[y > 0.0 ? 0 : 1];
-      const double room = std::abs(y) - half;
-      least = std::max(least, room <= 0.01 ? 1e3 : (x * x + y * y - half * half) / (2.0 * room));
+    const Point2 a{edge.a.x * c + edge.a.y * n, edge.a.y * c - edge.a.x * n};
+    const Point2 e{edge.b.x * c + edge.b.y * n - a.x, edge.b.y * c - edge.b.x * n - a.y};
+    Part part;
+    part.Keep(a.x, e.x);
+    part.Keep(length - a.x, -e.x);
+    part.Keep(half_width + clearance - a.y, -e.y);
+    part.Keep(half_width + clearance + a.y, e.y);
+    part.Keep(half_width + widening * a.x - a.y, widening * e.x - e.y);
+    part.Keep(half_width + widening * a.x + a.y, widening * e.x + e.y);
+    if (!part.empty()) length = std::min({length, a.x + part.t0 * e.x, a.x + part.t1 * e.x});
+  }
+  return length;
+}
+
+/// Does anything reach into the outline, grown by `margin`? @param pose of the front bumper's middle.
+bool Touches(const LidarScene& scene, const Pose2& pose, const VehicleParams& vehicle, double margin) {
+  const double c = std::cos(pose.heading), n = std::sin(pose.heading);
+  const double half = 0.5 * vehicle.width + margin;
+  return std::any_of(scene.edges().begin(), scene.edges().end(), [&](const ReflectingEdge& edge) {
+    const double ax = edge.a.x - pose.x, ay = edge.a.y - pose.y;
+    const double ex = edge.b.x - edge.a.x, ey = edge.b.y - edge.a.y;
+    const double x = ax * c + ay * n, y = ay * c - ax * n, dx = ex * c + ey * n, dy = ey * c - ex * n;
+    Part part;
+    part.Keep(margin - x, -dx);
+    part.Keep(x + vehicle.length + margin, dx);
+    part.Keep(half - y, -dy);
+    part.Keep(half + y, dy);
+    return !part.empty();
+  });
+}
+
+/// [m] the front bumper can go with this slip angle until the outline, grown by `margin`, would touch.
+double FreeArc(const LidarScene& scene, double turn, double slip, const VehicleParams& vehicle, double margin,
+               double reach) {
+  constexpr double kStep = 0.2;  // [m]
+  Pose2 pose{0.0, 0.0, turn};
+  double speed = 1.0;
+  for (double gone = 0.0; gone < reach; gone += kStep) {
+    StepBicycle(0.0, slip, vehicle.rear_axle_to_front, kStep, &pose, &speed);
+    if (Touches(scene, pose, vehicle, margin)) return gone;
+  }
+  return reach;
+}
+
+double MaxSlip(const VehicleParams& vehicle) {
+  return SlipAngle(vehicle.max_steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
+}
+
+/// Holds a wanted course and speed within what the vehicle can do without touching anything.
+OpenRoadPlan Guard(const Traffic& traffic, AgentIndex ego, const AgentParams& params, const RoadScan& scan,
+                   double course, double wanted_speed) {
+  constexpr double kStep = 0.1;   // [s] ahead of which the steering is looked at.
+  constexpr int kSlips = 33;
+  const SectorParams& p = params.sector;
+  const VehicleParams& vehicle = traffic.params[ego];
+  const LidarScene& scene = scan.reflectors;
+  const double speed = traffic.now.speed[ego], heading = traffic.now.heading_error[ego];
+  const double steering = traffic.now.steering_angle[ego];
+  const double slip_now = SlipAngle(steering, vehicle.wheelbase, vehicle.rear_axle_to_front);
+  // Where it already stands nearer, that is enough.
+  double margin = p.flank_clearance;
+  while (margin > 0.01 && Touches(scene, {0.0, 0.0, scan.turn}, vehicle, margin)) margin *= 0.8;
+  if (margin < p.flank_clearance) margin *= 0.8;
+
+  const double braking = speed * (p.reaction_time + kStep) + speed * speed / (2.0 * p.decel);
+  const double near = p.stop_distance + p.guard_reach, reach = std::max(near, p.stop_distance + braking);
+  const double tightest = std::min(
+      MaxSlip(vehicle), std::asin(std::min(1.0, vehicle.rear_axle_to_front * params.open_road.lateral_accel /
+                                                    std::max(1.0, speed * speed))));
+  const double wanted = std::clamp(course - heading, -tightest, tightest);
+  double slip = wanted, arc = FreeArc(scene, scan.turn, wanted, vehicle, margin, near);
+  if (arc < near) {
+    // The one nearest to the wanted one that is as free as any.
+    for (int k = 0; k < kSlips; ++k) {
+      const double other = tightest * (2.0 * k / (kSlips - 1) - 1.0);
+      const double free = FreeArc(scene, scan.turn, other, vehicle, margin, near);
+      if (free > arc || (free == arc && std::abs(other - wanted) < std::abs(slip - wanted))) {
+        slip = other;
+        arc = free;
+      }
     }
   }
-  const auto slip = [&](double r) {
-    return std::min(max_slip, r >= 1e3 ? 0.0 : std::atan(l_r / std::max(r, 0.1)));
-  };
-  return {slip(radius[0]), slip(radius[1])};
-}
-
-/// Keeps the course from turning more than the flanks allow.
-double GuardFlanks(const AgentParams& params, const VehicleParams& vehicle, const LidarScene& scene,
-                   double heading_error, double course) {
-  const TurnLimits limits = LimitTurns(params, vehicle, scene);
-  return heading_error + std::clamp(course - heading_error, -limits.right, limits.left);
-}
-
-/// The strip just ahead, where the two front sectors are narrower than the vehicle: is something in its left
-/// or right half? @return a bit each.
-int InBlindStrip(const AgentParams& params, const VehicleParams& vehicle, const LidarScene& scene) {
-  constexpr double kTanSector = 0.41421356;  // tan 22.5 deg
-  const double half = 0.5 * vehicle.width + params.sector.corner_clearance;
-  const double end = half / kTanSector;
-  return (AnyIn(scene, 0.0, end, 0.0, half) ? 1 : 0) + (AnyIn(scene, 0.0, end, -half, 0.0) ? 2 : 0);
-}
-
-/// Free ahead it goes as fast as it likes; else it brakes to the speed at which it turns aside, and stops
-/// where there is no side, or something is just ahead.
-double SectorAccel(const AgentParams& params, const VehicleParams& vehicle, double speed, double free_speed,
-                   bool ahead_free, bool nothing_free, const LidarScene& scene) {
-  double wanted = free_speed;
-  const double half = 0.5 * vehicle.width;
-  if (nothing_free || AnyIn(scene, 0.0, params.sector.stop_distance, -half, half)) {
-    wanted = 0.0;
-  } else if (!ahead_free) {
-    wanted = std::min(free_speed, params.sector.turn_speed);
+  // It must be able to stop whatever the steering reaches until the next step.
+  const double next = SlipAngle(SteerCourse(vehicle, heading + slip, heading, steering, kStep),
+                                vehicle.wheelbase, vehicle.rear_axle_to_front);
+  const double next_arc = FreeArc(scene, scan.turn, next, vehicle, margin, reach);
+  const double now_arc = FreeArc(scene, scan.turn, slip_now, vehicle, margin, reach);
+  OpenRoadPlan plan;
+  plan.course = heading + slip;
+  double free = next_arc;
+  if (next_arc < now_arc && next_arc < braking + 0.1) {
+    plan.course = heading + slip_now;
+    free = now_arc;
   }
-  return std::clamp((wanted - speed) / params.driving.response_time, -params.sector.decel, vehicle.max_accel);
+  const double room = std::max(0.0, free - 0.1);
+  const double safe = free >= reach ? wanted_speed : BrakingSpeed(room, 0.0, 0.5 * p.decel);
+  const double accel = (std::min(wanted_speed, safe) - speed) / params.driving.response_time;
+  plan.accel = std::clamp(accel, -p.decel, vehicle.max_accel);
+  return plan;
+}
+
+/// Directions in which a vehicle looks for a free strip.
+constexpr int kCourses = 41;
+
+struct Strip {
+  double course{0.0}, length{-1.0};
+};
+
+/// The strip of a side (-1 right, 1 left, 0 either one) that is free the farthest; of equal ones the one
+/// nearest to `wanted`.
+Strip BestStrip(const LidarScene& scene, double half_width, double clearance, double reach, double max_course,
+                int side, double wanted) {
+  Strip best;
+  for (int k = 0; k < kCourses; ++k) {
+    const double course = max_course * (2.0 * k / (kCourses - 1) - 1.0);
+    if (side * course < 0.0) continue;
+    const double length = FreeLength(scene, course, half_width, clearance, reach);
+    if (length > best.length + 0.01 ||
+        (length > best.length - 0.01 && std::abs(course - wanted) < std::abs(best.course - wanted)))
+      best = {course, length};
+  }
+  return best;
+}
+
+/// The direction along the road that leads back to the vehicle's path.
+double CourseToPath(const AgentParams& params, double offset, double speed) {
+  const double reach = std::max(params.driving.tracking_distance, speed * params.driving.tracking_time);
+  return std::clamp(std::atan2(offset, reach), -params.driving.max_course_angle,
+                    params.driving.max_course_angle);
+}
+
+int SideOf(Avoidance way) {
+  return way == Avoidance::kLeft ? 1 : (way == Avoidance::kRight ? -1 : 0);
+}
+
+/// Free ahead it goes as fast as it likes; else it brakes to the speed at which it turns aside.
+double SectorSpeed(const SectorParams& params, double free_speed, bool ahead_free, bool nothing_free) {
+  if (nothing_free) return 0.0;
+  return ahead_free ? free_speed : std::min(free_speed, params.turn_speed);
 }
 
 /// The sum of the repelling forces, in the sensor's frame.
@@ -105,53 +193,71 @@ Point2 Repulsion(const ApfParams& apf, double half_width, const LidarScene& scen
 
 }  // namespace
 
+bool IsSure(const AvoidanceTable& table, std::uint8_t code) {
+  unsigned mirrored = 0;
+  for (int i = 0; i < kSectors; ++i) mirrored |= (code >> i & 1u) << (kSectors - 1 - i);
+  return SideOf(table[code]) != 0 && SideOf(table[code]) == -SideOf(table[mirrored]);
+}
+
 OpenRoadPlan DriveBySectors(const World& world, AgentIndex ego, const AgentParams& params, double free_speed,
-                            const SectorScan& scan, Avoidance advice, const LidarScene& reflectors,
+                            double target_d, const RoadScan& scan, const AvoidanceTable& table,
                             Avoidance* committed) {
   const Traffic& traffic = *world.traffic;
+  const SectorParams& p = params.sector;
   const VehicleParams& vehicle = traffic.params[ego];
-  const double speed = traffic.now.speed[ego], heading = traffic.now.heading_error[ego];
-  const int blind = InBlindStrip(params, vehicle, reflectors);
-  const bool ahead_free = AheadIsFree(scan.code) && blind == 0;
-  OpenRoadPlan plan;
-  plan.accel = SectorAccel(params, vehicle, speed, free_speed, ahead_free, scan.code == 0, reflectors);
-  if (ahead_free) {
-    *committed = Avoidance::kForward;  // Straight along the road.
-  } else if (scan.code == 0 || speed > params.sector.turn_speed + 1.0) {
-    // Only near enough do the side sectors tell which side is free.
-    plan.course = heading;
-  } else {
-    // A side once chosen is kept until the strip ahead is free: else it would turn to and fro before a wall.
-    if (*committed == Avoidance::kForward) *committed = advice;
-    if (*committed == Avoidance::kForward && blind != 3)
-      *committed = blind == 1 ? Avoidance::kRight : Avoidance::kLeft;
-    const double side = *committed == Avoidance::kLeft ? 1.0 : (*committed == Avoidance::kRight ? -1.0 : 0.0);
-    plan.course = side == 0.0 ? heading : side * params.open_road.max_course;
+  const double speed = traffic.now.speed[ego], half = 0.5 * vehicle.width;
+  const double max_course = params.open_road.max_course;
+  AvoidanceZone zone = TurnZone(params, vehicle.width, speed);
+  std::uint8_t code = SectorCode(scan.lidar.CountExactly(scan.reflectors, scan.errors, zone), p.min_points);
+  const double to_path = CourseToPath(params, target_d - traffic.now.d[ego], speed);
+  if (AheadIsFree(code)) {
+    *committed = Avoidance::kForward;
+    // Back to its path, as far as that side is free.
+    constexpr unsigned kLeft = 0x07, kRight = 0xe0;
+    const unsigned beside = to_path > 0.0 ? kLeft : kRight;
+    const double wanted = (code & beside) == beside ? to_path : 0.0;
+    const Strip strip = BestStrip(scan.reflectors, half, p.strip_clearance, std::min(zone.far, p.turn_reach),
+                                  max_course, 0, wanted);
+    return Guard(traffic, ego, params, scan, strip.course, free_speed);
   }
-  plan.course = GuardFlanks(params, vehicle, reflectors, heading, plan.course);
-  return plan;
+  while (code == 0 && zone.far > p.stop_distance) {
+    zone = DrawnIn(zone, 0.8);
+    code = SectorCode(scan.lidar.CountExactly(scan.reflectors, scan.errors, zone), p.min_points);
+  }
+  const double reach = std::min(zone.far, p.turn_reach);
+  const auto best = [&](int side) {
+    return BestStrip(scan.reflectors, half, p.strip_clearance, reach, max_course, side, 0.0);
+  };
+  // A side once chosen is kept while it leads farther than straight on: else it would turn to and fro.
+  Strip strip = best(SideOf(*committed));
+  if (*committed == Avoidance::kForward || strip.course == 0.0) {
+    *committed = Avoidance::kForward;
+    const double ahead = FreeLength(scan.reflectors, 0.0, half, p.strip_clearance, reach);
+    if (code != 0 && !AheadIsFree(code) && (IsSure(table, code) || ahead < p.decide_by)) *committed = table[code];
+    strip = best(SideOf(*committed));
+    if (*committed == Avoidance::kForward) strip = {0.0, ahead};
+  }
+  const double wanted_speed =
+      code == 0 ? 0.0 : std::min({free_speed, p.turn_speed, BrakingSpeed(strip.length, 0.0, 0.5 * p.decel)});
+  return Guard(traffic, ego, params, scan, strip.course, wanted_speed);
 }
 
 OpenRoadPlan DriveByPotential(const World& world, AgentIndex ego, const AgentParams& params,
-                              double free_speed, double target_d, const SectorScan& scan,
-                              const LidarScene& reflectors) {
+                              double free_speed, double target_d, const RoadScan& scan) {
   const Traffic& traffic = *world.traffic;
   const VehicleParams& vehicle = traffic.params[ego];
-  const double speed = traffic.now.speed[ego], heading = traffic.now.heading_error[ego];
-  const double reach = std::max(params.driving.tracking_distance, speed * params.driving.tracking_time);
-  const double goal = std::clamp((target_d - traffic.now.d[ego]) / reach, -params.driving.max_course_angle,
-                                 params.driving.max_course_angle) -
-                      heading;
-  const Point2 repulsion = Repulsion(params.apf, 0.5 * vehicle.width, reflectors);
+  const double speed = traffic.now.speed[ego];
+  const std::uint8_t code = SectorCode(
+      scan.lidar.CountExactly(scan.reflectors, scan.errors, ZoneForSpeed(params, vehicle.width, speed)),
+      params.sector.min_points);
+  const double goal = CourseToPath(params, target_d - traffic.now.d[ego], speed);
+  const Point2 repulsion = Repulsion(params.apf, 0.5 * vehicle.width, scan.reflectors);
   const double x = std::cos(goal) + repulsion.x, y = std::sin(goal) + repulsion.y;
-  OpenRoadPlan plan;
+  const double course =
+      std::clamp(std::atan2(y, std::max(x, 1e-3)), -params.open_road.max_course, params.open_road.max_course);
   // Pushed back more than drawn on: a local minimum of the potential, where it stops.
-  plan.accel = SectorAccel(params, vehicle, speed, free_speed, AheadIsFree(scan.code),
-                           x <= 0.0 || scan.code == 0, reflectors);
-  plan.course = std::clamp(heading + std::atan2(y, std::max(x, 1e-3)), -params.open_road.max_course,
-                           params.open_road.max_course);
-  plan.course = GuardFlanks(params, vehicle, reflectors, heading, plan.course);
-  return plan;
+  return Guard(traffic, ego, params, scan, course,
+               SectorSpeed(params.sector, free_speed, AheadIsFree(code), x <= 0.0 || code == 0));
 }
 
 double ShiftByPotential(const AgentParams& params, const VehicleParams& vehicle,

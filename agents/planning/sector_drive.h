@@ -28,19 +28,33 @@ inline bool AheadIsFree(std::uint8_t code) {
   return (code & kFront) == kFront;
 }
 
-/// What a policy that knows sectors only does on an open road: straight on where the strip ahead is free,
-/// else to the side chosen, slowly; nothing free: it brakes. It does not turn so tightly that its flanks
-/// would sweep over what is beside it.
+/// Does the network choose a side for this code, and for what it would see in a mirror the other one? If not,
+/// its choice is a habit, or a mistake, and not what the scan says.
+bool IsSure(const AvoidanceTable& table, std::uint8_t code);
+
+/// A scan of an open road. Its sectors are about the direction of the road, not of the vehicle: a vehicle that
+/// turns aside would else take its own turn for the road's. [A]'s robot has no road; it drives where it looks.
+struct RoadScan {
+  const Lidar& lidar;
+  const ScanErrors& errors;
+  const LidarScene& reflectors;  ///< In the frame of the sensor, x along the road.
+  double turn;                   ///< [rad] from that frame to the vehicle's heading.
+};
+
+/// What a policy that knows sectors only does on an open road. Straight on where the strip ahead is free.
+/// Else it slows down, and asks the network for a side; [A]'s robot then turns on the spot until its front
+/// is free, a vehicle steers into the direction in which its front would be free, the first one on that side.
+/// Nothing free as far as the zone reaches: the zone is drawn in, and the speed with it. A guard keeps it from
+/// moving where it could not stop before what its outline would touch.
 /// @param committed the side it is turning to, kept from step to step; kForward if none.
 OpenRoadPlan DriveBySectors(const World& world, AgentIndex ego, const AgentParams& params, double free_speed,
-                            const SectorScan& scan, Avoidance advice, const LidarScene& reflectors,
+                            double target_d, const RoadScan& scan, const AvoidanceTable& table,
                             Avoidance* committed);
 
 /// Artificial potential field (Khatib 1986) on an open road: drawn along the road, repelled by every
-/// reflecting edge within apf.range: course along the sum of both, speed as DriveBySectors.
+/// reflecting edge within apf.range: course along the sum of both, speed and guard as DriveBySectors.
 OpenRoadPlan DriveByPotential(const World& world, AgentIndex ego, const AgentParams& params,
-                              double free_speed, double target_d, const SectorScan& scan,
-                              const LidarScene& reflectors);
+                              double free_speed, double target_d, const RoadScan& scan);
 
 /// [m] lateral shift the potential field asks for within a lane.
 double ShiftByPotential(const AgentParams& params, const VehicleParams& vehicle,

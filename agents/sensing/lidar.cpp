@@ -154,6 +154,22 @@ AvoidanceZone ZoneForSpeed(const AgentParams& params, double width, double speed
   return {s.near_limit, far, 0.5 * width + s.side_clearance, std::min(far, s.side_range)};
 }
 
+AvoidanceZone TurnZone(const AgentParams& params, double width, double speed) {
+  const SectorParams& s = params.sector;
+  AvoidanceZone zone = ZoneForSpeed(params, width, speed);
+  zone.far = std::min(zone.far - s.standstill + s.turn_reach, params.lidar.max_range);
+  zone.side = s.turn_reach;
+  zone.side_width = s.turn_width;
+  return zone;
+}
+
+AvoidanceZone DrawnIn(const AvoidanceZone& zone, double factor) {
+  AvoidanceZone drawn = zone;
+  drawn.far *= factor;
+  drawn.side = std::min(zone.side, drawn.far);
+  return drawn;
+}
+
 std::uint8_t SectorCode(const SectorCounts& counts, int min_points) {
   unsigned code = 0;
   for (int i = 0; i < kSectors; ++i) code |= (counts[i] > min_points ? 0u : 1u) << i;
@@ -195,7 +211,7 @@ double Lidar::NearestRange(const LidarScene& scene, int beam) const {
 bool Lidar::InZone(double range, int beam, const AvoidanceZone& zone) const {
   if (range < zone.near) return false;
   return IsFront(beam) ? range <= zone.far && range * std::abs(y_[beam]) <= zone.half_width
-                       : range <= zone.side;
+                       : range <= zone.side && range * std::abs(y_[beam]) <= zone.side_width;
 }
 
 void Lidar::Cast(const LidarScene& scene, const ScanErrors& errors, std::span<double> ranges) const {
@@ -252,19 +268,20 @@ void Lidar::MarkEdge(const ReflectingEdge& edge, double far, double half_width, 
   if (first <= last) SetBits(first, last, marks);
 }
 
-void Lidar::MarkDisc(const LidarScene& scene, double radius, Marks* marks) const {
+void Lidar::MarkDisc(const LidarScene& scene, double radius, double half_width, Marks* marks) const {
   std::fill_n(marks->begin(), words(), std::uint64_t{0});
-  if (radius <= 0.0 || sector_begin_[0] >= sector_begin_[kSectors]) return;
+  if (radius <= 0.0 || half_width <= 0.0 || sector_begin_[0] >= sector_begin_[kSectors]) return;
   for (const ReflectingEdge& edge : scene.edges()) {
-    MarkEdge(edge, radius, kInfinity, sector_begin_[0], sector_begin_[kSectors] - 1, marks->data());
+    MarkEdge(edge, radius, half_width, sector_begin_[0], sector_begin_[kSectors] - 1, marks->data());
   }
 }
 
-void Lidar::MarkZone(const LidarScene& scene, double far, double half_width, double side,
-                     Marks* marks) const {
-  MarkDisc(scene, side, marks);
+void Lidar::MarkZone(const LidarScene& scene, const AvoidanceZone& zone, double grown, Marks* marks) const {
+  const auto reach = [&](double limit) { return std::min(limit + grown, params_.max_range); };
+  MarkDisc(scene, reach(zone.side), zone.side_width + grown, marks);
   if (front_begin() >= front_end()) return;
   ClearBits(front_begin(), front_end() - 1, marks->data());
+  const double far = reach(zone.far), half_width = zone.half_width + grown;
   if (far <= 0.0 || half_width <= 0.0) return;
   for (const ReflectingEdge& edge : scene.edges())
     MarkEdge(edge, far, half_width, front_begin(), front_end() - 1, marks->data());
@@ -272,21 +289,19 @@ void Lidar::MarkZone(const LidarScene& scene, double far, double half_width, dou
 
 SectorCounts Lidar::CountExactly(const LidarScene& scene, const ScanErrors& errors,
                                  const AvoidanceZone& zone) const {
-  const double bound = errors.max_range_error(), reach = params_.max_range;
+  const double bound = errors.max_range_error();
   Marks count, other;
   // Beams whose reading is in the zone whatever the error; nearer than the near limit is dust.
-  MarkZone(scene, std::min(zone.far - bound, reach), zone.half_width - bound,
-           std::min(zone.side - bound, reach), &count);
+  MarkZone(scene, zone, -bound, &count);
   // A reading at the near limit is in the zone.
-  MarkDisc(scene, std::nextafter(zone.near + bound, 0.0), &other);
+  MarkDisc(scene, std::nextafter(zone.near + bound, 0.0), kInfinity, &other);
   for (int w = 0; w < words(); ++w) count[w] &= ~other[w];
   if (bound > 0.0) {
     // Beams the error may carry across a limit: those of the grown zone that are neither surely in nor surely
     // dust.
     Marks doubtful;
-    MarkZone(scene, std::min(zone.far + bound, reach), zone.half_width + bound,
-             std::min(zone.side + bound, reach), &doubtful);
-    MarkDisc(scene, std::nextafter(zone.near - bound, 0.0), &other);
+    MarkZone(scene, zone, bound, &doubtful);
+    MarkDisc(scene, std::nextafter(zone.near - bound, 0.0), kInfinity, &other);
     for (int w = 0; w < words(); ++w) {
       for (std::uint64_t rest = doubtful[w] & ~count[w] & ~other[w]; rest != 0; rest &= rest - 1) {
         const int k = 64 * w + std::countr_zero(rest);

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -68,10 +69,11 @@ class ScanErrors {
 };
 
 /// Where a reading counts as an obstacle [m]: from `near` on; in the two front sectors as far as `far`,
-/// within `half_width` to the sides, the strip the vehicle is about to drive; in the others as far as `side`.
-/// Star-shaped about the sensor.
+/// within `half_width` to the sides, the strip the vehicle is about to drive; in the others as far as `side`,
+/// within `side_width`. Star-shaped about the sensor.
 struct AvoidanceZone {
   double near, far, half_width, side;
+  double side_width{std::numeric_limits<double>::infinity()};
 };
 
 /// The zone for a speed: far = standstill + v (reaction time + scan period) + v^2 / (2 b), less what a leader
@@ -80,6 +82,14 @@ struct AvoidanceZone {
 /// sector.
 /// @param width of the vehicle [m].
 AvoidanceZone ZoneForSpeed(const AgentParams& params, double width, double speed, double leader_speed = 0.0);
+
+/// The zone in which a vehicle on an open road sees to which side it may turn: as above, but ahead at least
+/// sector.turn_reach, and beside it a strip of sector.turn_width to each side, as far ahead: a ring would see
+/// the borders of the road before it sees which end of a wall is open.
+AvoidanceZone TurnZone(const AgentParams& params, double width, double speed);
+
+/// The zone with less reach.
+AvoidanceZone DrawnIn(const AvoidanceZone& zone, double factor);
 
 using SectorCounts = std::array<std::int32_t, kSectors>;
 
@@ -93,6 +103,7 @@ class Lidar {
 
   int beams() const { return static_cast<int>(x_.size()); }
   double Angle(int beam) const { return first_angle_ + beam * spacing_; }  ///< [rad], left positive.
+  double spacing() const { return spacing_; }  ///< [rad] from beam to beam.
   const LidarParams& params() const { return params_; }
 
   /// Casts every beam. @param ranges [m], one a beam; infinite where nothing reflects within the range, or
@@ -117,8 +128,9 @@ class Lidar {
   /// Marks the beams first .. last that the edge reflects within `far`, and `half_width` to the sides.
   void MarkEdge(const ReflectingEdge& edge, double far, double half_width, int first, int last,
                 std::uint64_t* marks) const;
-  void MarkDisc(const LidarScene& scene, double radius, Marks* marks) const;
-  void MarkZone(const LidarScene& scene, double far, double half_width, double side, Marks* marks) const;
+  void MarkDisc(const LidarScene& scene, double radius, double half_width, Marks* marks) const;
+  /// The zone with every limit but the near one moved out by `grown`.
+  void MarkZone(const LidarScene& scene, const AvoidanceZone& zone, double grown, Marks* marks) const;
   bool IsFront(int beam) const { return beam >= front_begin() && beam < front_end(); }
   int words() const { return (beams() + 63) / 64; }
   int front_begin() const { return sector_begin_[kSectors / 2 - 1]; }

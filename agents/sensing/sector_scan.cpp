@@ -92,9 +92,9 @@ void AddBorders(const World& world, const WayAhead& way, const RoadView& view, c
 }  // namespace
 
 void CollectReflectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
-                       double range, LidarScene* scene) {
+                       double range, double turn, LidarScene* scene) {
   const Traffic& traffic = *world.traffic;
-  const double heading = traffic.now.heading[ego];
+  const double heading = traffic.now.heading[ego] - turn;
   const SensorFrame sensor{traffic.now.x[ego], traffic.now.y[ego], std::cos(heading), std::sin(heading)};
   scene->Clear();
   AddBorders(world, way, view, sensor, range, scene);
@@ -117,7 +117,7 @@ SectorScan ScanSectors(const World& world, AgentIndex ego, const WayAhead& way, 
   const Traffic& traffic = *world.traffic;
   const AvoidanceZone zone =
       ZoneForSpeed(params, traffic.params[ego].width, traffic.now.speed[ego], leader_speed);
-  CollectReflectors(world, ego, way, view, std::max(zone.far, zone.side) + errors.max_range_error(), scene);
+  CollectReflectors(world, ego, way, view, std::max(zone.far, zone.side) + errors.max_range_error(), 0.0, scene);
   SectorScan scan;
   scan.counts = lidar.CountExactly(*scene, errors, zone);
   scan.code = SectorCode(scan.counts, params.sector.min_points);

@@ -10,9 +10,10 @@ namespace lanewise {
 /// What the lidar at the middle of the ego's front bumper may see within `range` [m]: vehicles, persons,
 /// things that stand on the road, and the borders of the road the way follows. A border is that of all lanes
 /// of the edge; junctions have none.
-/// @param view of the path: its nodes, and what they are relative to.
+/// @param view of the path: its nodes, and what they are relative to. @param turn [rad] from the frame of the
+/// scene to the ego's heading.
 void CollectReflectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
-                       double range, LidarScene* scene);
+                       double range, double turn, LidarScene* scene);
 
 /// The sector code of one agent in one step.
 struct SectorScan {

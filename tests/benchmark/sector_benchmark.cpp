@@ -66,7 +66,7 @@ void BM_CastAllBeams(benchmark::State& state) {
   const Lidar lidar(params.lidar);
   LidarScene reflectors;
   const AvoidanceZone zone = ZoneForSpeed(params, 1.8, 10.0);
-  CollectReflectors(scene.world, 0, scene.way, scene.view, 30.0, &reflectors);
+  CollectReflectors(scene.world, 0, scene.way, scene.view, 30.0, 0.0, &reflectors);
   std::vector<double> ranges(1081);
   for (auto _ : state) {
     lidar.Cast(reflectors, {}, ranges);

@@ -32,7 +32,7 @@ Seen Look(Scene* scene, const AgentParams& params, double leader_speed = 0.0) {
   LidarScene reflectors;
   Seen seen;
   seen.scan = ScanSectors(world, 0, way, view, params, lidar, leader_speed, {}, &reflectors);
-  CollectReflectors(world, 0, way, view, params.lidar.max_range, &reflectors);
+  CollectReflectors(world, 0, way, view, params.lidar.max_range, 0.0, &reflectors);
   seen.ranges.resize(1081);
   lidar.Cast(reflectors, {}, seen.ranges);
   EXPECT_EQ(seen.scan.counts,
