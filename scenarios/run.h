@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-#include "agents/v2x/channel.h"
+#include "agents/v2x/channel_counts.h"
 #include "analysis/results_file.h"
 #include "libsumo_bridge/coupling_audit.h"
 #include "scenarios/run_config.h"
