@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "agents/agent_params.h"
-#include "agents/v2x/channel.h"
+#include "agents/v2x/v2x_level.h"
 
 namespace lanewise {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "agents/v2x/channel.h"
+#include "agents/v2x/channel_counts.h"
 
 namespace lanewise {
 

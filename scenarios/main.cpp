@@ -21,6 +21,7 @@
 #include "scenarios/cost_bench.h"
 #include "scenarios/doctor.h"
 #include "scenarios/export.h"
+#include "scenarios/platoon_bench.h"
 #include "scenarios/report.h"
 #include "scenarios/run.h"
 #include "scenarios/ssm_bench.h"
@@ -348,6 +349,7 @@ int Main(int argc, char** argv) {
       app.add_subcommand("doctor", "Check SUMO, libraries and versions, and drive two seconds");
 
   std::function<int()> chosen;  // What the subcommands below do.
+  AddPlatoonCommand(bench, &chosen);
   AddCompareCommand(&app, &chosen);
   AddExportCommand(&app, &chosen);
   AddReportCommand(&app, &chosen);

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "agents/v2x/channel.h"
+#include "agents/v2x/channel_counts.h"
 #include "analysis/results_file.h"
 #include "analysis/rule_watch.h"
 #include "libsumo_bridge/coupling_audit.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "agents/agent_params.h"
-#include "agents/v2x/channel.h"
+#include "agents/v2x/v2x_level.h"
 #include "analysis/safety_monitor.h"
 #include "libsumo_bridge/vehicle_bridge.h"
 #include "scenarios/sample_recorder.h"

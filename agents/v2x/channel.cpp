@@ -1,12 +1,11 @@
 #include "agents/v2x/channel.h"
 
-#include <fmt/ranges.h>
 #include <omp.h>
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
-#include "agents/core/check.h"
 #include "agents/core/geometry.h"
 #include "agents/v2x/radio.h"
 
@@ -24,30 +23,6 @@ constexpr double kTimeTolerance = 1e-9;  // [s]
 constexpr double kCellSize = 100.0;      // [m]
 
 }  // namespace
-
-V2xLevel ParseV2xLevel(std::string_view name, std::string_view origin) {
-  for (std::size_t i = 0; i < std::size(kV2xLevelNames); ++i) {
-    if (kV2xLevelNames[i] == name) return static_cast<V2xLevel>(i);
-  }
-  throw ConfigError(
-      fmt::format("{}: unknown level '{}'; allowed: {}", origin, name, fmt::join(kV2xLevelNames, ", ")));
-}
-
-void CheckV2xParams(const V2xParams& p) {
-  const auto at_most = [](const char* name, double value, const char* other, double limit, const char* unit) {
-    if (value > limit) {
-      throw ConfigError(fmt::format("parameter '{}' is {} {}; allowed: at most {}, {} {}", name, value, unit,
-                                    other, limit, unit));
-    }
-  };
-  at_most("v2x.latency_min", p.latency_min, "v2x.latency_mean", p.latency_mean, "s");
-  at_most("v2x.latency_mean", p.latency_mean, "v2x.latency_max", p.latency_max, "s");
-  at_most("v2x.latency_max", p.latency_max, "v2x.memory", p.memory, "s");
-  at_most("v2x.cam_min_interval", p.cam_min_interval, "v2x.cam_max_interval", p.cam_max_interval, "s");
-  at_most("v2x.cruise_max_age", p.cruise_max_age, "v2x.memory", p.memory, "s");
-  at_most("v2x.cruise_reaction", p.cruise_reaction, "v2x.cruise_gap", p.cruise_gap, "s");
-  at_most("v2x.range", p.range, "v2x.carrier_sense_range", p.carrier_sense_range, "m");
-}
 
 Channel::Channel(const RoadNetwork& network, const V2xParams& params)
     : network_(network),
@@ -87,15 +62,23 @@ void Channel::Exchange(double dt, const Traffic& traffic) {
   if (scratch_.size() < static_cast<std::size_t>(omp_get_max_threads()))
     scratch_.resize(static_cast<std::size_t>(omp_get_max_threads()));
   for (Scratch& scratch : scratch_) scratch.counts.age_histogram.resize(log_.size());
+  // Draws above it mean a latency of more than none and at most a step: most need no logarithm. A little
+  // more, so that rounding decides nothing.
+  const double spread = params_.latency_mean - params_.latency_min;
+  one_step_from_ = params_.latency_min > 1e-6 && params_.latency_min < dt && spread > 0.0
+                       ? std::exp((params_.latency_min - dt) / spread) + 1e-6
+                       : 1.0;
   EnrollVehicles(traffic);
   NoteFollowers(traffic);
   Generate(dt, traffic);
   if (level_ != V2xLevel::kIdeal) {
     grid_.Build(sender_x_, sender_y_);
     const std::span<const AgentIndex> items = grid_.items();
+    slot_sender_.resize(items.size());
     slot_x_.resize(items.size());
     slot_y_.resize(items.size());
     for (std::size_t k = 0; k < items.size(); ++k) {
+      slot_sender_[k] = senders_[items[k]];
       slot_x_[k] = sender_x_[items[k]];
       slot_y_[k] = sender_y_[items[k]];
     }
@@ -225,7 +208,7 @@ void Channel::Send(Station* station, const Message& message, double bytes) {
     return;
   }
   senders_.push_back(
-      {station->id,
+      {station->id, entry.index,
        RandomStream(seed_, station->key, RandomPurpose::kRadioDelivery, static_cast<std::uint64_t>(step_)),
        Airtime(bytes, params_.bitrate)});
   sender_x_.push_back(station->x);
@@ -282,23 +265,33 @@ void Channel::Generate(double dt, const Traffic& traffic) {
   posted_.clear();
 }
 
+Channel::Odds Channel::OddsAt(double distance2, double load) const {
+  Odds odds;
+  odds.not_dropped = 1.0 - params_.loss;
+  odds.not_faded =
+      odds.not_dropped * FadingReception(distance2 / (params_.fading_range * params_.fading_range));
+  odds.delivered = odds.not_faded;
+  if (level_ == V2xLevel::kLoaded)
+    odds.delivered *= CollisionFree(load, HiddenShare(std::sqrt(distance2), params_.carrier_sense_range));
+  return odds;
+}
+
 Channel::Reception Channel::Deliver(const RandomStream& draws, std::uint64_t receiver_key, double distance2,
-                                    double load, double dt) const {
+                                    double load, double sure, double dt) const {
   if (level_ == V2xLevel::kRange) return {Fate::kDelivered, 0};
   // One draw decides the fate, in this order of causes: more of a later cause takes no earlier one's
   // messages.
   const std::uint64_t bits = draws.Bits(receiver_key);
   const double u = static_cast<double>(bits >> 32) * 0x1.0p-32;
-  double share = 1.0 - params_.loss;
-  if (u >= share) return {Fate::kDropped, 0};
-  share *= FadingReception(distance2 / (params_.fading_range * params_.fading_range));
-  if (u >= share) return {Fate::kFaded, 0};
-  if (level_ == V2xLevel::kLoaded) {
-    share *= CollisionFree(load, HiddenShare(std::sqrt(distance2), params_.carrier_sense_range));
-    if (u >= share) return {Fate::kCollided, 0};
+  if (u >= sure) {
+    const Odds odds = OddsAt(distance2, load);
+    if (u >= odds.not_dropped) return {Fate::kDropped, 0};
+    if (u >= odds.not_faded) return {Fate::kFaded, 0};
+    if (u >= odds.delivered) return {Fate::kCollided, 0};
   }
   // Shifted exponential latency, cut off.
   const double v = (static_cast<double>(bits & 0xffffffffULL) + 0.5) * 0x1.0p-32;
+  if (v > one_step_from_) return {Fate::kDelivered, 1};
   const double latency = std::min(
       params_.latency_max, params_.latency_min - (params_.latency_mean - params_.latency_min) * std::log(v));
   return {Fate::kDelivered, static_cast<std::int32_t>(std::ceil(latency / dt - kTimeTolerance))};
@@ -311,28 +304,34 @@ void Channel::Receive(double dt, Station* receiver, Scratch* scratch) {
   scratch->near.clear();
   scratch->near.reserve(senders_.size());
   double airtime = 0.0, distance2 = 0.0;
+  std::uint32_t slot = 0;
   grid_.ForEachNearIf(
       receiver->x, receiver->y, reach,
-      [&](std::uint32_t slot) {
+      [&](std::uint32_t candidate) {
+        slot = candidate;
         const double dx = slot_x_[slot] - receiver->x, dy = slot_y_[slot] - receiver->y;
         distance2 = dx * dx + dy * dy;
         return distance2 <= reach2;
       },
-      [&](AgentIndex sender) {
-        airtime += senders_[sender].airtime;
-        if (distance2 <= range2 && senders_[sender].id != receiver->id)
-          scratch->near.emplace_back(sender, distance2);
+      [&](AgentIndex) {
+        airtime += slot_sender_[slot].airtime;
+        if (distance2 > range2 || slot_sender_[slot].id == receiver->id) return;
+        receiver->inbox.Prefetch(slot_sender_[slot].id);
+        scratch->near.emplace_back(slot, distance2);
       });
   if (loaded) {
     const double share = std::min(1.0, dt / kBusyWindow);
     receiver->busy += share * (std::min(1.0, airtime / dt) - receiver->busy);
   }
   receiver->inbox.Arrive(step_, [&](const Inbox::Entry& entry) { Keep(entry, receiver, &scratch->counts); });
-  for (const auto& [sender, near2] : scratch->near) {
-    const Reception reception = Deliver(senders_[sender].draws, receiver->key, near2, receiver->busy, dt);
+  // Within range a message arrives at least as likely as from its edge.
+  const double sure = OddsAt(range2, receiver->busy).delivered;
+  for (const auto& [near_slot, near2] : scratch->near) {
+    const Sender& sender = slot_sender_[near_slot];
+    const Reception reception = Deliver(sender.draws, receiver->key, near2, receiver->busy, sure, dt);
     ++scratch->counts.fates[static_cast<std::size_t>(reception.fate)];
     if (reception.fate != Fate::kDelivered) continue;
-    const Inbox::Entry entry{senders_[sender].id, step_, step_ + reception.latency, sender};
+    const Inbox::Entry entry{sender.id, step_, step_ + reception.latency, sender.index};
     if (reception.latency > 0) {
       receiver->inbox.Send(entry);
     } else {

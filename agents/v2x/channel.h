@@ -1,9 +1,7 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string_view>
 #include <vector>
 
@@ -12,44 +10,12 @@
 #include "agents/network/road_network.h"
 #include "agents/sensing/spatial_grid.h"
 #include "agents/traffic.h"
+#include "agents/v2x/channel_counts.h"
 #include "agents/v2x/inbox.h"
 #include "agents/v2x/message.h"
+#include "agents/v2x/v2x_level.h"
 
 namespace lanewise {
-
-/// How much of a radio channel there is; each level adds to the one before it.
-enum class V2xLevel : std::uint8_t {
-  kOff,     ///< No messages.
-  kIdeal,   ///< Everybody hears everybody at once.
-  kRange,   ///< Within v2x.range.
-  kLossy,   ///< Latency, loss by distance, noise of the positions.
-  kLoaded,  ///< Loss by the load of the channel.
-};
-inline constexpr std::string_view kV2xLevelNames[] = {"off", "ideal", "range", "lossy", "loaded"};
-
-/// @throws ConfigError naming `origin` and the levels there are.
-V2xLevel ParseV2xLevel(std::string_view name, std::string_view origin);
-
-/// Relations between parameters that their ranges cannot tell. @throws ConfigError naming the parameter.
-void CheckV2xParams(const V2xParams& params);
-
-/// What became of a message at a receiver within range.
-enum class Fate : std::uint8_t { kDelivered, kDropped, kFaded, kCollided };
-inline constexpr std::size_t kFates = 4;
-
-/// Totals of a run; `fates` by Fate. A message counts once per receiver within range.
-struct ChannelCounts {
-  std::int64_t station_steps{0};  ///< Equipped stations, summed over steps.
-  std::int64_t sent{0};
-  std::array<std::int64_t, kFates> fates{};
-  /// Over pairs and steps: age of the last message known, from one message to the next.
-  std::int64_t age_count{0}, age_steps{0};
-  /// age_histogram[k]: pairs and steps at which it was k steps old.
-  std::vector<std::int64_t> age_histogram;
-  double busy_sum{0.0}, step_busy_max{0.0};  ///< Channel busy ratio, over station_steps and of the last step.
-  std::int64_t cruise_steps{0};              ///< Vehicles that follow by cooperative cruise, over steps.
-  std::int64_t platoon_joins{0}, platoon_leaves{0};
-};
 
 /// The radio channel. Vehicles that carry a radio send cooperative awareness messages by the trigger rules of
 /// ETSI EN 302 637-2, roadside units what is posted for them; every station keeps the last message it got of
@@ -108,9 +74,10 @@ class Channel {
   };
   /// A sender of this step.
   struct Sender {
-    StationId id;
-    RandomStream draws;
-    double airtime;  // [s]
+    StationId id{kNone};
+    std::int32_t index{0};  // Of its message in the log.
+    RandomStream draws{0, 0, RandomPurpose::kRadioDelivery, 0};
+    double airtime{0.0};  // [s]
   };
   struct Posted {
     StationId unit;
@@ -123,7 +90,7 @@ class Channel {
   };
   /// Of one thread.
   struct Scratch {
-    std::vector<std::pair<std::int32_t, double>> near;  // Sender in range, squared distance [m^2].
+    std::vector<std::pair<std::uint32_t, double>> near;  // Slot of a sender in range, squared distance [m^2].
     ChannelCounts counts;
   };
 
@@ -137,10 +104,16 @@ class Channel {
   void Generate(double dt, const Traffic& traffic);
   void Receive(double dt, Station* receiver, Scratch* scratch);
   void Keep(const Inbox::Entry& entry, Station* receiver, ChannelCounts* counts) const;
-  /// What becomes of a message: of its sender's draws, the receiver's key, their squared distance [m^2] and
-  /// the channel's load at the receiver.
+  /// Shares of messages that a cause and those before it leave, over a squared distance [m^2] and at a load
+  /// of the channel at the receiver. They fall with the distance.
+  struct Odds {
+    double not_dropped, not_faded, delivered;
+  };
+  Odds OddsAt(double distance2, double load) const;
+  /// What becomes of a message: of its sender's draws, the receiver's key, their distance and the load there.
+  /// @param sure draws below it are delivered: no share to compute.
   Reception Deliver(const RandomStream& draws, std::uint64_t receiver_key, double distance2, double load,
-                    double dt) const;
+                    double sure, double dt) const;
   /// Counts the ages of a message from when it was known until the next one is, for `pairs` receivers.
   void CountAges(const Inbox::Entry& before, std::int64_t pairs, ChannelCounts* counts) const;
   void Gather();
@@ -157,17 +130,20 @@ class Channel {
   V2xLevel level_{V2xLevel::kOff};
   std::uint64_t seed_{0};
   std::int32_t step_{-1};
-  double dt_{0.1};          // [s]
-  std::int32_t oldest_{0};  // Step from which messages are remembered.
-  std::int64_t on_air_{0};  // Stations, now.
+  double dt_{0.1};             // [s]
+  std::int32_t oldest_{0};     // Step from which messages are remembered.
+  std::int64_t on_air_{0};     // Stations, now.
+  double one_step_from_{1.0};  // Latency draws above it: one step.
   std::vector<Station> stations_;
   std::vector<std::size_t> free_;           // Slots of stations_.
   std::vector<std::int32_t> vehicle_slot_;  // By vehicle number; kNone: none.
   std::vector<std::size_t> roadside_slot_;  // By unit.
   std::vector<Posted> posted_;
-  std::vector<std::vector<Message>> log_;                      // By step modulo its size: messages sent then.
-  std::vector<Sender> senders_;                                // Of this step, as log_[step].
-  std::vector<double> sender_x_, sender_y_, slot_x_, slot_y_;  // [m] in order of senders_ and of the grid.
+  std::vector<std::vector<Message>> log_;  // By step modulo its size: messages sent then.
+  std::vector<Sender> senders_;            // Of this step, in order of rows;
+  std::vector<double> sender_x_, sender_y_;
+  std::vector<Sender> slot_sender_;  // and in the grid's order, in which receivers read them.
+  std::vector<double> slot_x_, slot_y_;
   SpatialGrid grid_;
   std::vector<Scratch> scratch_;  // By thread.
   ChannelCounts counts_;

@@ -10,7 +10,7 @@ constexpr std::size_t kLeastSize = 16;
 }  // namespace
 
 Inbox::Entry Inbox::Put(const Entry& entry, std::int32_t oldest) {
-  if (2 * used_ >= table_.size()) Rehash(oldest);
+  if (4 * used_ >= 3 * table_.size()) Rehash(oldest);
   Entry* reusable = nullptr;
   for (std::size_t at = Home(entry.sender);; at = (at + 1) & (table_.size() - 1)) {
     Entry& here = table_[at];
@@ -44,10 +44,10 @@ void Inbox::Rehash(std::int32_t oldest) {
   spare_.clear();
   ForEach(oldest, [&](const Entry& entry) { spare_.push_back(entry); });
   std::size_t size = std::max(kLeastSize, table_.size());
-  while (4 * (spare_.size() + 1) > size) size *= 2;
+  while (2 * (spare_.size() + 1) > size) size *= 2;
   table_.assign(size, {});
   // Room for all that can come until the next doubling: a warm step does not allocate.
-  spare_.reserve(size / 2);
+  spare_.reserve(size);
   flying_.reserve(size);
   used_ = spare_.size();
   for (const Entry& entry : spare_) {

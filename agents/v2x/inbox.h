@@ -21,6 +21,10 @@ class Inbox {
   /// Stores `entry` unless a later message of the same sender is known. Entries sent before `oldest` count
   /// as forgotten. @return the entry it replaces; sender kNone if there was none, or it was forgotten.
   Entry Put(const Entry& entry, std::int32_t oldest);
+  /// Has the memory fetched that Put will need: an inbox lies cold from one step to the next.
+  void Prefetch(StationId sender) const {
+    if (!table_.empty()) __builtin_prefetch(&table_[Home(sender)], 1);
+  }
   /// Null if nothing sent at or after `oldest` is known.
   const Entry* Find(StationId sender, std::int32_t oldest) const;
   /// Calls visit(entry) for all sent at or after `oldest`, in no order that means anything.
@@ -36,6 +40,7 @@ class Inbox {
   /// Put.
   template <class Land>
   void Arrive(std::int32_t step, Land&& land) {
+    for (const Entry& entry : flying_) Prefetch(entry.sender);
     std::size_t kept = 0;
     for (std::size_t k = 0; k < flying_.size(); ++k) {
       const Entry entry = flying_[k];  // A copy: Put may make room.
