@@ -47,6 +47,9 @@ class EncroachmentWatch {
   /// Encroachments found by the last Observe, in order of earlier, later; empty within a block.
   const std::vector<Encroachment>& found() const { return found_; }
 
+  /// [s] at most from the earlier one's leaving until the encroachment is found.
+  double delay() const { return threshold_ > 0.0 ? threshold_ + kBlockTime + 2.0 * step_length_ : 0.0; }
+
  private:
   static constexpr double kBlockTime = 0.5;  // [s]
 

@@ -192,21 +192,25 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
   }
 }
 
-/// "dwa 40 %, sumo 60 %", or the policy's bare name where one drove all but a few. A penetration rate that
-/// was asked for names the run by it: what was drawn differs from seed to seed, and would tear the seeds
-/// apart.
-std::string DriversOf(const RunRecord& run) {
+/// "dwa 40 %, sumo 60 %", or the policy's bare name where one drove all but a few. Shares are the means over
+/// `same`, runs of the same inputs: what each seed draws from them would tear the seeds apart. So it would
+/// with a penetration rate that was asked for: it names the run.
+std::string DriversOf(const RunRecord& run, const std::vector<const RunRecord*>& same) {
   if (run.penetration > 0.0 && run.penetration < 1.0 && run.policy != "sumo")
     return fmt::format("{} at {:.4g} %", run.policy, 100.0 * run.penetration);
+  constexpr double kFew = 0.025;
+  std::map<std::string, double> means;
+  for (const RunRecord* other : same) {
+    for (const PolicyShare& share : other->shares)
+      means[share.policy] += share.share / static_cast<double>(same.size());
+  }
   std::vector<std::string> parts;
   std::string last;
-  for (const PolicyShare& share : run.shares) {
-    const long percent = 5 * std::lround(20.0 * share.share);
-    if (percent == 0) continue;
-    parts.push_back(fmt::format("{} {} %", share.policy, percent));
-    last = share.policy;
+  for (const auto& [policy, share] : means) {
+    if (share < kFew) continue;
+    parts.push_back(fmt::format("{} {:.0f} %", policy, 100.0 * share));
+    last = policy;
   }
-  std::sort(parts.begin(), parts.end());
   if (parts.empty()) return run.policy;
   return parts.size() == 1 ? last : fmt::format("{}", fmt::join(parts, ", "));
 }
@@ -258,9 +262,17 @@ std::string TemporaryViews() {
 }
 
 void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
+  const auto inputs_of = [](const RunRecord& run) {
+    return std::tuple(run.scenario, run.policy, run.penetration, run.demand);
+  };
+  std::map<decltype(inputs_of(RunRecord())), std::vector<const RunRecord*>> by_inputs;
+  for (const RunRecord& run : *runs) {
+    std::vector<const RunRecord*>& same = by_inputs[inputs_of(run)];
+    if (!run.shares.empty()) same.push_back(&run);
+  }
   std::map<std::string, std::vector<RunRecord*>> by_driver;
   for (RunRecord& run : *runs) {
-    run.label = DriversOf(run);
+    run.label = DriversOf(run, by_inputs[inputs_of(run)]);
     by_driver[run.label].push_back(&run);
   }
   for (auto& [driver, same] : by_driver) {

@@ -68,9 +68,9 @@ struct RunRecord {
 /// @throws ConfigError naming the file.
 std::vector<RunRecord> LoadRuns(std::span<const std::filesystem::path> files, bool by_file = false);
 
-/// Makes labels under which runs may be averaged: the policy that drove, with the realised shares (to 5 %)
-/// where vehicles of several policies drove, and the parameters, rules and radio in which runs of one policy
-/// differ.
+/// Makes labels under which runs may be averaged: the policy that drove, with the realised shares (means over
+/// the runs of the same inputs) where vehicles of several policies drove, and the parameters, rules and radio
+/// in which runs of one policy differ.
 void LabelRuns(bool by_file, std::vector<RunRecord>* runs);
 
 /// Orders labels for people: by policy, then by penetration rate; a policy's bare name is its rate of 100 %.

@@ -617,7 +617,11 @@ void SafetyMonitor::UpdateContact(const TrafficFrame& frame, const ClosePair& pa
 SafetyMonitor::OpenEncounter& SafetyMonitor::Open(std::int32_t first, std::int32_t second, double time) {
   const auto [it, begins] = open_encounters_.try_emplace(PairKey(first, second));
   OpenEncounter& open = it->second;
-  if (!begins) return open;
+  if (!begins) {
+    if (time <= open.encounter.end + params_.separation_time + 1e-6) return open;
+    CloseEncounter(&open);  // It was open only for a PET that might have followed.
+    open = {};
+  }
   open.encounter.first = first;
   open.encounter.second = second;
   open.encounter.begin = open.encounter.end = time;
@@ -633,10 +637,20 @@ SafetyMonitor::OpenEncounter& SafetyMonitor::Open(std::int32_t first, std::int32
   return open;
 }
 
+void SafetyMonitor::OpenEncounter::Extend(double time) {
+  Encounter& e = encounter;
+  e.end = std::max(e.end, time);
+  if (late_distance < e.min_distance) {
+    e.min_distance = late_distance;
+    e.min_distance_time = late_distance_time;
+  }
+  late_distance = Encounter::kUndefined;
+}
+
 void SafetyMonitor::UpdateEncounter(const TrafficFrame& frame, const ClosePair& pair) {
   OpenEncounter& open = Open(pair.first, pair.second, frame.time);
+  open.Extend(frame.time);
   Encounter& e = open.encounter;
-  e.end = frame.time;
   if (open.now_time < frame.time || pair.ttc < open.now.ttc) open.now = pair;
   open.now_time = frame.time;
   const auto i = static_cast<std::size_t>(pair.first_row), j = static_cast<std::size_t>(pair.second_row);
@@ -679,11 +693,12 @@ void SafetyMonitor::UpdateEncroachment(const TrafficFrame& frame, const Encroach
   const bool later_is_first = encroachment.later < encroachment.earlier;
   const std::int32_t first = std::min(encroachment.earlier, encroachment.later);
   const std::int32_t second = std::max(encroachment.earlier, encroachment.later);
-  Encounter& e = Open(first, second, encroachment.time - encroachment.pet).encounter;
+  OpenEncounter& open = Open(first, second, encroachment.time - encroachment.pet);
+  Encounter& e = open.encounter;
   // While the later one passes there may be more, none as close.
   if (encroachment.pet >= e.pet) return;
+  open.Extend(encroachment.time);
   e.begin = std::min(e.begin, encroachment.time - encroachment.pet);
-  e.end = std::max(e.end, encroachment.time);
   e.pet = encroachment.pet;
   e.pet_time = encroachment.time;
   if (IsDefined(e.min_ttc)) return;
@@ -713,9 +728,11 @@ void SafetyMonitor::UpdateOpenEncounters(const TrafficFrame& frame) {
     if (i == kNone || j == kNone) continue;
     const auto first = static_cast<std::size_t>(i), second = static_cast<std::size_t>(j);
     const double distance = Distance(FootprintOf(frame, first), FootprintOf(frame, second));
-    if (distance < e.min_distance) {
-      e.min_distance = distance;
-      e.min_distance_time = frame.time;
+    const bool late = frame.time > e.end + params_.separation_time + 1e-6;
+    double& least = late ? open.late_distance : e.min_distance;
+    if (distance < least) {
+      least = distance;
+      (late ? open.late_distance_time : e.min_distance_time) = frame.time;
     }
     if (!is_snapshot_) continue;
     if (open.samples.empty() || open.samples.back().time < frame.time) {
@@ -758,8 +775,10 @@ void SafetyMonitor::CloseUntil(double last_seen) {
   for (Contact& contact : TakeEnded(
            last_seen, [](const Contact& c) { return c.end; }, &open_contacts_))
     finished_contacts_.push_back(contact);
+  // A PET that belongs to an encounter may become known only now.
   for (OpenEncounter& open : TakeEnded(
-           last_seen, [](const OpenEncounter& o) { return o.encounter.end; }, &open_encounters_))
+           last_seen - encroachments_.delay(), [](const OpenEncounter& o) { return o.encounter.end; },
+           &open_encounters_))
     CloseEncounter(&open);
 }
 

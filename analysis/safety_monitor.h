@@ -135,6 +135,11 @@ class SafetyMonitor {
     std::vector<EncounterSample> samples;  // In order of time, of all of it.
     ClosePair now{};                       // Its measures when it last was beyond a threshold,
     double now_time{-1.0};                 // [s] and when that was; < 0: never.
+    /// The least distance [m] since more than separation_time after its end: of it only if it goes on.
+    double late_distance{Encounter::kUndefined};
+    double late_distance_time{0.0};
+
+    void Extend(double time);  // It is beyond a threshold until `time` [s].
   };
   /// All road users at one moment.
   struct Snapshot {
@@ -162,6 +167,7 @@ class SafetyMonitor {
   void UpdateEncroachment(const TrafficFrame& frame, const Encroachment& encroachment);
   void UpdateOpenEncounters(const TrafficFrame& frame);
   void TakeSnapshot(const TrafficFrame& frame);
+  /// The pair's open encounter that a measure beyond a threshold at `time` [s] belongs to, or a new one.
   OpenEncounter& Open(std::int32_t first, std::int32_t second, double time);
   void CloseUntil(double last_seen);
   void CloseEncounter(OpenEncounter* open);

@@ -172,14 +172,30 @@ TEST(LabelRuns, KeepsApartWhatMustNotBeAveraged) {
   runs[0].parameters_json = R"({"a":1.0,"b":2.0})";
   runs[1].parameters_json = R"({"a":1.5,"b":2.0})";
   runs[3].shares = {{"sumo", 0.71}, {"dwa", 0.29}};
+  runs[3].demand = "mixed";
   LabelRuns(false, &runs);
   EXPECT_EQ(runs[0].label, "dwa [a=1.0]");
   EXPECT_EQ(runs[1].label, "dwa [a=1.5]");
   EXPECT_EQ(runs[2].label, "sumo");
-  EXPECT_EQ(runs[3].label, "dwa 30 %, sumo 70 %");
+  EXPECT_EQ(runs[3].label, "dwa 29 %, sumo 71 %");
   runs[0].file = "/x/old.sqlite";
   LabelRuns(true, &runs);
   EXPECT_EQ(runs[0].label, "old:dwa [a=1.0]");
+}
+
+TEST(LabelRuns, SeedsOfOneMixStayTogether) {
+  // A vTypeDistribution draws by seed; a handful of trams is no second policy; a run that broke off tells
+  // nothing.
+  std::vector<RunRecord> runs{MakeRun("dwa", 1, 0), MakeRun("dwa", 2, 0), MakeRun("dwa", 3, 0),
+                              MakeRun("dwa", 1, 0)};
+  runs[0].shares = {{"dwa", 0.64}, {"idm", 0.35}, {"sumo", 0.01}};
+  runs[1].shares = {{"dwa", 0.56}, {"idm", 0.43}, {"sumo", 0.01}};
+  runs[2].shares = {};
+  runs[3].shares = {{"dwa", 0.2}, {"idm", 0.8}};
+  runs[3].demand = "other";
+  LabelRuns(false, &runs);
+  for (const std::size_t i : {0u, 1u, 2u}) EXPECT_EQ(runs[i].label, "dwa 60 %, idm 39 %");
+  EXPECT_EQ(runs[3].label, "dwa 20 %, idm 80 %");
 }
 
 /// Runs with values of a skewed distribution, by seed.

@@ -174,9 +174,9 @@ TEST(SafetyMonitor, TouchingAgainLaterIsAnother) {
 TEST(SafetyMonitor, HandsOverWhatEndedAndForgetsIt) {
   SafetyMonitor monitor;
   const std::vector<Mover> movers{{.x = 10.0, .speed = 5.0}, {.x = 0.0, .speed = 15.0}};
-  for (int k = 0; k < 50; ++k) monitor.Observe(FrameOf(movers, k));
-  EXPECT_EQ(monitor.TakeFinishedContacts().size(), 1u);  // Apart for 2 s by then; no Finish needed.
-  EXPECT_EQ(monitor.TakeFinishedEncounters().size(), 1u);
+  for (int k = 0; k < 65; ++k) monitor.Observe(FrameOf(movers, k));
+  EXPECT_EQ(monitor.TakeFinishedContacts().size(), 1u);  // Apart for 2 s at 3.4 s; no Finish needed.
+  EXPECT_EQ(monitor.TakeFinishedEncounters().size(), 1u);  // Nor can a PET become known any more, of 2 s.
   monitor.Finish();
   EXPECT_TRUE(monitor.TakeFinishedContacts().empty());
   EXPECT_TRUE(monitor.TakeFinishedEncounters().empty());
@@ -270,6 +270,42 @@ TEST(SafetyMonitor, PetOfACrossingIsEntryMinusExit) {
   EXPECT_EQ(e.type, EncounterType::kCrossing);
   EXPECT_FALSE(e.ego_is_first);
   EXPECT_FALSE(e.near_miss);
+}
+
+/// East as above; north, on collision course until `slows` [s], then at 3 m/s: it enters at 4 s, if at 0.8 s.
+std::vector<Encounter> WatchOneWhoGivesWay(double slows) {
+  SafetyMonitor monitor;
+  for (int k = 0; k < 80; ++k) {
+    TrafficFrame frame = FrameOf({{.x = -20.0, .speed = 10.0},
+                                  {.y = -17.0, .heading = kPi / 2.0, .speed = 8.0, .length = 4.0, .width = 1.8}},
+                                 k);
+    if (frame.time > slows + 1e-9) {
+      frame.y[1] = -17.0 + 8.0 * slows + 3.0 * (frame.time - slows);
+      frame.speed[1] = frame.vy[1] = 3.0;
+    }
+    monitor.Observe(frame);
+  }
+  monitor.Finish();
+  return monitor.TakeFinishedEncounters();
+}
+
+TEST(SafetyMonitor, APetWithinTwoSecondsOfTheEndBelongsToTheEncounter) {
+  // TTC 2 - 0.8 s when it slows; east leaves 1.79 s later.
+  const std::vector<Encounter> one = WatchOneWhoGivesWay(0.8);
+  ASSERT_EQ(one.size(), 1u);
+  EXPECT_NEAR(one[0].begin, 0.0, 1e-9);
+  EXPECT_NEAR(one[0].end, 4.0, 1e-9);
+  EXPECT_NEAR(one[0].min_ttc, 1.2, 1e-9);
+  EXPECT_NEAR(one[0].critical, 0.8, 1e-9);
+  EXPECT_NEAR(one[0].pet, 4.0 - 2.59, 1e-9);
+  // East leaves 2.09 s after: another encounter. Its way takes it (17 - 1 - 4) / 3 s from 0.5 s on.
+  const std::vector<Encounter> two = WatchOneWhoGivesWay(0.5);
+  ASSERT_EQ(two.size(), 2u);
+  EXPECT_NEAR(two[0].min_ttc, 1.5, 1e-9);
+  EXPECT_NEAR(two[0].end, 0.5, 1e-9);
+  EXPECT_EQ(two[0].pet, Encounter::kUndefined);
+  EXPECT_NEAR(two[1].pet, 4.5 - 2.59, 1e-9);
+  EXPECT_EQ(two[1].min_ttc, Encounter::kUndefined);
 }
 
 TEST(SafetyMonitor, PetKnowsPedestriansAndThresholds) {
