@@ -252,9 +252,10 @@ struct AgentParams {
           "the front sectors' zone is the vehicle's width and this on both sides", "own choice");
     field("sector.side_range", p.sector.side_range, "m", Range{0.5, 30},
           "how far the other sectors' zone reaches at most", "own choice: a car's length and its turn");
-    field("sector.turn_reach", p.sector.turn_reach, "m", Range{2, 30},
-          "open roads: bp and bls choose a side by what is nearer than this, and look so far for a free strip",
-          "own choice: a lane's width aside takes a car about 8 m");
+    field(
+        "sector.turn_reach", p.sector.turn_reach, "m", Range{2, 30},
+        "open roads: bp and bls choose a side by what is nearer than this, and look so far for a free strip",
+        "own choice: a lane's width aside takes a car about 8 m");
     field("sector.turn_width", p.sector.turn_width, "m", Range{1, 30},
           "open roads: and by what is within this to either side", "own choice: a lane and a half");
     field("sector.turn_speed", p.sector.turn_speed, "m/s", Range{0.5, 15},

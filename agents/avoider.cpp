@@ -58,9 +58,8 @@ Avoider::Result Avoider::Drive(const World& world, AgentIndex ego, const Leader&
   const bool open = has_open_roads_ && leader.row == kNone &&
                     IsOpenRoad(*world.network, traffic.now.lane[ego], params_.open_road);
   Result result;
-  if (open && policy != Policy::kDwa && policy != Policy::kBpDwa) {
-    if (DriveBySight(world, ego, context, *scratch, &own, &result)) return result;
-  }
+  const bool by_sight = policy == Policy::kBp || policy == Policy::kBls || policy == Policy::kApf;
+  if (open && by_sight && DriveBySight(world, ego, context, *scratch, &own, &result)) return result;
   SectorScan scan;
   Avoidance advice = Avoidance::kForward;
   if (ScansSectors(policy)) {
@@ -69,7 +68,7 @@ Avoider::Result Avoider::Drive(const World& world, AgentIndex ego, const Leader&
                        leader.row == kNone ? 0.0 : leader.speed, errors, &own.reflectors);
     if (scan.code != 0) advice = (policy == Policy::kBls ? bls_ : bp_)[scan.code];
   }
-  if (open && DriveOpenRoad(world, ego, context, advice, &own, &result)) return result;
+  if (open && !by_sight && DriveOpenRoad(world, ego, context, advice, &own, &result)) return result;
   result.plan = ScansSectors(policy) ? DriveInLane(world, ego, context, scan, advice, own, scratch)
                                      : PlanDwa(params_, context, scratch);
   return result;

@@ -42,7 +42,7 @@ struct DataOptions {
   std::optional<std::int64_t> training, test;
   std::uint64_t seed{1};
   int rows{10};
-  bool balance{false}, force{false};
+  bool all{false}, balance{false}, force{false};
 };
 
 void AddDataOptions(CLI::App* app, DataOptions* o) {
@@ -53,6 +53,8 @@ void AddDataOptions(CLI::App* app, DataOptions* o) {
   app->add_option("--training", o->training,
                   "samples to train with; default: 130 of the generated ones as in [A], 13/23 of a file's");
   app->add_option("--test", o->test, "samples held out; default: 100 as in [A], the rest of a file's");
+  app->add_flag("--all", o->all,
+                "train with every sample and hold none out: a network to drive with, not an experiment");
   app->add_option("--seed", o->seed, "of the split and of the random weights")->capture_default_str();
   app->add_option("-o,--output", o->output, "weight file (JSON); without it nothing is kept");
   app->add_option("--rows", o->rows, "test samples shown, those with the largest errors first")
@@ -69,8 +71,32 @@ struct TrainingData {
   std::string origin;       ///< File, or "generated".
   std::size_t rows{0};      ///< In the file.
   std::size_t training{0};  ///< Rows before equal ones were merged.
-  std::size_t test{0};
+  std::size_t test{0};      ///< 0: none is held out, and split.test holds those trained with.
 };
+
+/// How many samples to train with and to test with; what is not asked for is as in [A].
+void ChooseSizes(const DataOptions& o, TrainingData* data) {
+  if (o.all) {
+    if (o.training || o.test)
+      throw ConfigError("--all: trains with every sample; leave out --training and --test");
+    data->training = data->rows;
+    return;
+  }
+  data->training = kPaperTraining;
+  data->test = kPaperTest;
+  if (!o.samples.empty()) {
+    data->training = std::max<std::size_t>(1, data->rows * kPaperTraining / (kPaperTraining + kPaperTest));
+    data->test = data->rows - data->training;
+  }
+  if (o.training) data->training = static_cast<std::size_t>(*o.training);
+  if (o.test) {
+    data->test = static_cast<std::size_t>(*o.test);
+  } else if (o.training && !o.samples.empty()) {
+    data->test = data->rows - std::min(data->rows, data->training);
+  }
+  if (data->test == 0)
+    throw ConfigError(fmt::format("{}: {} samples; none are left to test", data->origin, data->rows));
+}
 
 TrainingData LoadData(const DataOptions& o) {
   CheckRange("--rows", o.rows, 0, 1e6);
@@ -81,30 +107,22 @@ TrainingData LoadData(const DataOptions& o) {
   data.origin = o.samples.empty() ? "generated" : o.samples;
   std::vector<LabelledScan> samples = o.samples.empty() ? GeneratedSamples() : LoadSamples(o.samples);
   data.rows = samples.size();
-  data.training = kPaperTraining;
-  data.test = kPaperTest;
-  if (!o.samples.empty()) {
-    data.training = std::max<std::size_t>(1, data.rows * kPaperTraining / (kPaperTraining + kPaperTest));
-    data.test = data.rows - data.training;
-  }
-  if (o.training) data.training = static_cast<std::size_t>(*o.training);
-  if (o.test) {
-    data.test = static_cast<std::size_t>(*o.test);
-  } else if (o.training && !o.samples.empty()) {
-    data.test = data.rows - std::min(data.rows, data.training);
-  }
-  if (data.test == 0)
-    throw ConfigError(fmt::format("{}: {} samples; none are left to test", data.origin, data.rows));
+  ChooseSizes(o, &data);
   try {
     data.split = SplitSamples(std::move(samples), data.training, data.test, o.seed);
   } catch (const ConfigError& error) {
     throw ConfigError(fmt::format("{}: {}", data.origin, error.what()));
   }
-  const std::size_t seen = CountSeen(data.split);
-  fmt::print(
-      "{} training and {} test samples of {} ({}), seed {}; {} of the test samples' scans also occur in "
-      "training\n",
-      data.training, data.test, data.rows, data.origin, o.seed, seen);
+  if (o.all) {
+    data.split.test = data.split.training;
+    fmt::print("{} training samples ({}), seed {}; none held out: the scores are of those trained with\n",
+               data.training, data.origin, o.seed);
+  } else {
+    fmt::print(
+        "{} training and {} test samples of {} ({}), seed {}; {} of the test samples' scans also occur in "
+        "training\n",
+        data.training, data.test, data.rows, data.origin, o.seed, CountSeen(data.split));
+  }
   data.split.training = MergeEqual(data.split.training);
   data.split.test = MergeEqual(data.split.test);
   if (o.balance) BalanceWays(&data.split.training);
@@ -112,8 +130,9 @@ TrainingData LoadData(const DataOptions& o) {
     const double most = MostPossible(data.split.test);
     fmt::print(
         "{} different training samples; equal scans went different ways: no network can have more than "
-        "{:.0f} of the {} test samples right ({:.1f} %)\n",
-        data.split.training.size(), most, data.test, 100.0 * most / static_cast<double>(data.test));
+        "{:.0f} of the {} {} samples right ({:.1f} %)\n",
+        data.split.training.size(), most, o.all ? data.training : data.test, o.all ? "training" : "test",
+        100.0 * most / static_cast<double>(o.all ? data.training : data.test));
   }
   return data;
 }
@@ -166,7 +185,7 @@ std::string CodeText(const SectorInputs& sectors) {
 }
 
 template <class Net>
-void PrintTable(const Net& net, const std::vector<LabelledScan>& test, int rows) {
+void PrintTable(const Net& net, const std::vector<LabelledScan>& test, const char* which, int rows) {
   if (rows <= 0) return;
   std::vector<std::size_t> order(test.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -175,10 +194,10 @@ void PrintTable(const Net& net, const std::vector<LabelledScan>& test, int rows)
                    [&](std::size_t a, std::size_t b) { return error(a) > error(b); });
   order.resize(std::min(order.size(), static_cast<std::size_t>(rows)));
   fmt::print(
-      "\nOutputs on test samples (Table 1 of [A]): the {} with the largest errors of {}; sectors from left "
+      "\nOutputs on {} samples (Table 1 of [A]): the {} with the largest errors of {}; sectors from left "
       "to right, 1 = free\n"
       "{:<10} {:<9} {:>9} {:>9} {:>9}  {:>9}\n",
-      order.size(), test.size(), "sectors", "target", "left", "forward", "right", "error");
+      which, order.size(), test.size(), "sectors", "target", "left", "forward", "right", "error");
   for (const std::size_t i : order) {
     const NetOutputs y = net.Forward(test[i].sectors), d = TargetOf(test[i].way);
     fmt::print("{:<10} [{:g} {:g} {:g}]   {:>9.6f} {:>9.6f} {:>9.6f}  {:>9.6f}\n", CodeText(test[i].sectors),
@@ -196,18 +215,18 @@ void PrintScore(const char* name, const NetScore& score) {
 
 template <class Net>
 void Conclude(const Net& net, const TrainingData& data, const DataOptions& o, TrainingRecord record) {
-  PrintTable(net, data.split.test, o.rows);
+  PrintTable(net, data.split.test, o.all ? "training" : "test", o.rows);
   const NetScore training = ScoreNet(net, data.split.training), test = ScoreNet(net, data.split.test);
   fmt::print("\n");
   PrintScore(o.balance ? "training samples, balanced" : "training samples", training);
-  PrintScore("test samples", test);
+  if (!o.all) PrintScore("test samples", test);
   if (o.output.empty()) return;
   record.samples = data.origin;
   record.training_samples = static_cast<std::int64_t>(data.training);
   record.test_samples = static_cast<std::int64_t>(data.test);
   record.seed = o.seed;
   record.training_error = training.mean_squared_error;
-  record.test_correct = static_cast<std::int64_t>(test.rounded);
+  record.test_correct = o.all ? 0 : static_cast<std::int64_t>(test.rounded);
   record.program = LANEWISE_VERSION;
   SaveWeights(o.output, net, record);
   fmt::print("weights in {}\n", o.output);
@@ -412,6 +431,7 @@ void AddBp(CLI::App* train, std::function<int()>* chosen) {
       "Examples:\n"
       "  lanewise train bp                                        (the experiment of [A])\n"
       "  lanewise train bp --method lm --goal 1e-6 --plot error.svg -o bp.json\n"
+      "  lanewise train bp --method lm --goal 1e-6 --all -o bp.json   (the network that is shipped)\n"
       "  lanewise run --scenario town --policy dwa --record-samples town.csv\n"
       "  lanewise train bp --samples town.csv --balance --method lm --epochs 200 -o town.json   (imitates "
       "dwa)\n"
@@ -434,7 +454,10 @@ void AddBls(CLI::App* train, std::function<int()>* chosen) {
                   "standard deviation of the enhancement nodes' sums")
       ->capture_default_str();
   bls->add_option("--feature-reach", o->bls.feature_reach,
-                  "sectors over which a node's weights are correlated; 0 = independent")
+                  "sectors over which a node's weights are correlated on each side; 0 = independent")
+      ->capture_default_str();
+  bls->add_option("--symmetric-share", o->bls.symmetric_share,
+                  "weight of feature nodes that weigh both sides alike, against those that compare them")
       ->capture_default_str();
   bls->add_option(
          "--grow", o->grow,

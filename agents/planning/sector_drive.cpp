@@ -84,7 +84,7 @@ double MaxSlip(const VehicleParams& vehicle) {
 /// Holds a wanted course and speed within what the vehicle can do without touching anything.
 OpenRoadPlan Guard(const Traffic& traffic, AgentIndex ego, const AgentParams& params, const RoadScan& scan,
                    double course, double wanted_speed) {
-  constexpr double kStep = 0.1;   // [s] ahead of which the steering is looked at.
+  constexpr double kStep = 0.1;  // [s] ahead of which the steering is looked at.
   constexpr int kSlips = 33;
   const SectorParams& p = params.sector;
   const VehicleParams& vehicle = traffic.params[ego];
@@ -168,10 +168,8 @@ int SideOf(Avoidance way) {
   return way == Avoidance::kLeft ? 1 : (way == Avoidance::kRight ? -1 : 0);
 }
 
-/// Free ahead it goes as fast as it likes; else it brakes to the speed at which it turns aside.
-double SectorSpeed(const SectorParams& params, double free_speed, bool ahead_free, bool nothing_free) {
-  if (nothing_free) return 0.0;
-  return ahead_free ? free_speed : std::min(free_speed, params.turn_speed);
+std::uint8_t CodeOf(const RoadScan& scan, const AvoidanceZone& zone, int min_points) {
+  return SectorCode(scan.lidar.CountExactly(scan.reflectors, scan.errors, zone), min_points);
 }
 
 /// The sum of the repelling forces, in the sensor's frame.
@@ -204,42 +202,38 @@ OpenRoadPlan DriveBySectors(const World& world, AgentIndex ego, const AgentParam
                             Avoidance* committed) {
   const Traffic& traffic = *world.traffic;
   const SectorParams& p = params.sector;
-  const VehicleParams& vehicle = traffic.params[ego];
-  const double speed = traffic.now.speed[ego], half = 0.5 * vehicle.width;
-  const double max_course = params.open_road.max_course;
-  AvoidanceZone zone = TurnZone(params, vehicle.width, speed);
-  std::uint8_t code = SectorCode(scan.lidar.CountExactly(scan.reflectors, scan.errors, zone), p.min_points);
-  const double to_path = CourseToPath(params, target_d - traffic.now.d[ego], speed);
-  if (AheadIsFree(code)) {
+  const double speed = traffic.now.speed[ego], half = 0.5 * traffic.params[ego].width;
+  AvoidanceZone zone = TurnZone(params, traffic.params[ego].width, speed);
+  std::uint8_t code = CodeOf(scan, zone, p.min_points);
+  const bool ahead_free = AheadIsFree(code);
+  while (code == 0 && zone.far > p.stop_distance) {
+    zone = DrawnIn(zone, 0.8);
+    code = CodeOf(scan, zone, p.min_points);
+  }
+  const double reach = std::min(zone.far, p.turn_reach);
+  const auto best = [&](Avoidance side, double wanted) {
+    return BestStrip(scan.reflectors, half, p.strip_clearance, reach, params.open_road.max_course,
+                     SideOf(side), wanted);
+  };
+  if (ahead_free) {
     *committed = Avoidance::kForward;
     // Back to its path, as far as that side is free.
     constexpr unsigned kLeft = 0x07, kRight = 0xe0;
+    const double to_path = CourseToPath(params, target_d - traffic.now.d[ego], speed);
     const unsigned beside = to_path > 0.0 ? kLeft : kRight;
     const double wanted = (code & beside) == beside ? to_path : 0.0;
-    const Strip strip = BestStrip(scan.reflectors, half, p.strip_clearance, std::min(zone.far, p.turn_reach),
-                                  max_course, 0, wanted);
-    return Guard(traffic, ego, params, scan, strip.course, free_speed);
+    return Guard(traffic, ego, params, scan, best(Avoidance::kForward, wanted).course, free_speed);
   }
-  while (code == 0 && zone.far > p.stop_distance) {
-    zone = DrawnIn(zone, 0.8);
-    code = SectorCode(scan.lidar.CountExactly(scan.reflectors, scan.errors, zone), p.min_points);
-  }
-  const double reach = std::min(zone.far, p.turn_reach);
-  const auto best = [&](int side) {
-    return BestStrip(scan.reflectors, half, p.strip_clearance, reach, max_course, side, 0.0);
-  };
   // A side once chosen is kept while it leads farther than straight on: else it would turn to and fro.
-  Strip strip = best(SideOf(*committed));
-  if (*committed == Avoidance::kForward || strip.course == 0.0) {
+  Strip strip{0.0, FreeLength(scan.reflectors, 0.0, half, p.strip_clearance, reach)};
+  if (*committed != Avoidance::kForward && best(*committed, 0.0).course == 0.0)
     *committed = Avoidance::kForward;
-    const double ahead = FreeLength(scan.reflectors, 0.0, half, p.strip_clearance, reach);
-    if (code != 0 && !AheadIsFree(code) && (IsSure(table, code) || ahead < p.decide_by)) *committed = table[code];
-    strip = best(SideOf(*committed));
-    if (*committed == Avoidance::kForward) strip = {0.0, ahead};
-  }
-  const double wanted_speed =
-      code == 0 ? 0.0 : std::min({free_speed, p.turn_speed, BrakingSpeed(strip.length, 0.0, 0.5 * p.decel)});
-  return Guard(traffic, ego, params, scan, strip.course, wanted_speed);
+  const bool asks = code != 0 && !AheadIsFree(code) && (IsSure(table, code) || strip.length < p.decide_by);
+  if (*committed == Avoidance::kForward && asks) *committed = table[code];
+  if (*committed != Avoidance::kForward) strip = best(*committed, 0.0);
+  const double stopping = BrakingSpeed(strip.length, 0.0, 0.5 * p.decel);
+  return Guard(traffic, ego, params, scan, strip.course,
+               code == 0 ? 0.0 : std::min({free_speed, p.turn_speed, stopping}));
 }
 
 OpenRoadPlan DriveByPotential(const World& world, AgentIndex ego, const AgentParams& params,
@@ -247,17 +241,17 @@ OpenRoadPlan DriveByPotential(const World& world, AgentIndex ego, const AgentPar
   const Traffic& traffic = *world.traffic;
   const VehicleParams& vehicle = traffic.params[ego];
   const double speed = traffic.now.speed[ego];
-  const std::uint8_t code = SectorCode(
-      scan.lidar.CountExactly(scan.reflectors, scan.errors, ZoneForSpeed(params, vehicle.width, speed)),
-      params.sector.min_points);
+  const std::uint8_t code =
+      CodeOf(scan, ZoneForSpeed(params, vehicle.width, speed), params.sector.min_points);
   const double goal = CourseToPath(params, target_d - traffic.now.d[ego], speed);
   const Point2 repulsion = Repulsion(params.apf, 0.5 * vehicle.width, scan.reflectors);
   const double x = std::cos(goal) + repulsion.x, y = std::sin(goal) + repulsion.y;
   const double course =
       std::clamp(std::atan2(y, std::max(x, 1e-3)), -params.open_road.max_course, params.open_road.max_course);
   // Pushed back more than drawn on: a local minimum of the potential, where it stops.
-  return Guard(traffic, ego, params, scan, course,
-               SectorSpeed(params.sector, free_speed, AheadIsFree(code), x <= 0.0 || code == 0));
+  double wanted_speed = x <= 0.0 || code == 0 ? 0.0 : free_speed;
+  if (!AheadIsFree(code)) wanted_speed = std::min(wanted_speed, params.sector.turn_speed);
+  return Guard(traffic, ego, params, scan, course, wanted_speed);
 }
 
 double ShiftByPotential(const AgentParams& params, const VehicleParams& vehicle,

@@ -32,8 +32,9 @@ inline bool AheadIsFree(std::uint8_t code) {
 /// its choice is a habit, or a mistake, and not what the scan says.
 bool IsSure(const AvoidanceTable& table, std::uint8_t code);
 
-/// A scan of an open road. Its sectors are about the direction of the road, not of the vehicle: a vehicle that
-/// turns aside would else take its own turn for the road's. [A]'s robot has no road; it drives where it looks.
+/// A scan of an open road. Its sectors are about the direction of the road, not of the vehicle: a vehicle
+/// that turns aside would else take its own turn for the road's. [A]'s robot has no road; it drives where it
+/// looks.
 struct RoadScan {
   const Lidar& lidar;
   const ScanErrors& errors;
@@ -44,8 +45,8 @@ struct RoadScan {
 /// What a policy that knows sectors only does on an open road. Straight on where the strip ahead is free.
 /// Else it slows down, and asks the network for a side; [A]'s robot then turns on the spot until its front
 /// is free, a vehicle steers into the direction in which its front would be free, the first one on that side.
-/// Nothing free as far as the zone reaches: the zone is drawn in, and the speed with it. A guard keeps it from
-/// moving where it could not stop before what its outline would touch.
+/// Nothing free as far as the zone reaches: the zone is drawn in, and the speed with it. A guard keeps it
+/// from moving where it could not stop before what its outline would touch.
 /// @param committed the side it is turning to, kept from step to step; kForward if none.
 OpenRoadPlan DriveBySectors(const World& world, AgentIndex ego, const AgentParams& params, double free_speed,
                             double target_d, const RoadScan& scan, const AvoidanceTable& table,

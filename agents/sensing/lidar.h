@@ -103,7 +103,7 @@ class Lidar {
 
   int beams() const { return static_cast<int>(x_.size()); }
   double Angle(int beam) const { return first_angle_ + beam * spacing_; }  ///< [rad], left positive.
-  double spacing() const { return spacing_; }  ///< [rad] from beam to beam.
+  double spacing() const { return spacing_; }                              ///< [rad] from beam to beam.
   const LidarParams& params() const { return params_; }
 
   /// Casts every beam. @param ranges [m], one a beam; infinite where nothing reflects within the range, or

@@ -117,7 +117,8 @@ SectorScan ScanSectors(const World& world, AgentIndex ego, const WayAhead& way, 
   const Traffic& traffic = *world.traffic;
   const AvoidanceZone zone =
       ZoneForSpeed(params, traffic.params[ego].width, traffic.now.speed[ego], leader_speed);
-  CollectReflectors(world, ego, way, view, std::max(zone.far, zone.side) + errors.max_range_error(), 0.0, scene);
+  CollectReflectors(world, ego, way, view, std::max(zone.far, zone.side) + errors.max_range_error(), 0.0,
+                    scene);
   SectorScan scan;
   scan.counts = lidar.CountExactly(*scene, errors, zone);
   scan.code = SectorCode(scan.counts, params.sector.min_points);

@@ -115,6 +115,33 @@ INSTANTIATE_TEST_SUITE_P(Kinds, PassableFields,
                            return std::string(kFieldKindNames[static_cast<std::size_t>(info.param)]);
                          });
 
+// The papers' own drives: with the network alone, through every field of walls and every corridor.
+TEST(Arena, TheNetworkAloneDrivesWallsAndCorridors) {
+  const Arena arena;
+  const ArenaConfig config = Config({FieldKind::kWalls, FieldKind::kCorridor}, {Policy::kBp}, 12);
+  const ArenaResults results = RunArena(arena, config);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const ArenaTally tally = Tally(results.passable[k], results.drives[k][0]);
+    EXPECT_EQ(tally.passable, 12);
+    EXPECT_EQ(tally.reached_passable, 12) << kFieldKindNames[static_cast<std::size_t>(config.kinds[k])];
+    EXPECT_EQ(tally.contacts, 0);
+  }
+}
+
+// A wall that leaves 3.5 m on one side: the network finds the side. One that always says left is held back by
+// the guard where the right one is open.
+TEST(Arena, TheNetworkChoosesTheSide) {
+  const Arena arena;
+  ArenaConfig config = Config({}, {}, 1);
+  ArenaField left, right;
+  left.things = {Wall(120.0, -6.0, -3.0), Wall(120.0, -3.0, 0.0), Wall(120.0, 0.0, 2.5)};
+  right.things = {Wall(120.0, 3.0, 6.0), Wall(120.0, 0.0, 3.0), Wall(120.0, -2.5, 0.0)};
+  EXPECT_EQ(arena.Drive(left, Policy::kBp, config, 0).end, DriveEnd::kReached);
+  EXPECT_EQ(arena.Drive(right, Policy::kBp, config, 0).end, DriveEnd::kReached);
+  config.bp.fill(Avoidance::kLeft);
+  EXPECT_EQ(arena.Drive(right, Policy::kBp, config, 0).end, DriveEnd::kStopped);
+}
+
 // A closed road: everybody stops, nobody strikes the wall.
 TEST(Arena, NobodyStrikesAClosedRoad) {
   const Arena arena;

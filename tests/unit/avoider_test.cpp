@@ -24,6 +24,18 @@ TEST(AvoidanceTable, AheadIsTheTwoFrontSectors) {
   EXPECT_FALSE(AheadIsFree(0b11101111));
 }
 
+// Sure of a side is who would take the other one in a mirror: not of a tie, of straight on, or of a habit.
+TEST(AvoidanceTable, ASureChoiceIsMirrored) {
+  const AvoidanceTable bp = TableOf(DefaultBpNet());
+  EXPECT_TRUE(IsSure(bp, 0b00000111));
+  EXPECT_TRUE(IsSure(bp, 0b11100000));
+  EXPECT_FALSE(IsSure(bp, 0b11100111));
+  EXPECT_FALSE(IsSure(bp, 0b11111111));
+  AvoidanceTable habit;
+  habit.fill(Avoidance::kLeft);
+  for (unsigned code = 0; code < 256; ++code) EXPECT_FALSE(IsSure(habit, static_cast<std::uint8_t>(code)));
+}
+
 class EveryPolicy : public testing::TestWithParam<Policy> {};
 
 // On a lane every policy follows a leader that brakes to a standstill, and starts again with it.

@@ -140,6 +140,7 @@ TEST_P(SectorCount, EqualsCastingEveryBeam) {
     if (seed % 5 == 1) zone = {2.0, 9.0, 3.0, 6.0};
     if (seed % 5 == 2) zone = {0.0, 60.0, 50.0, 40.0};
     if (seed % 5 == 3) zone = {0.4, 0.6, 0.6, 0.6};  // [A]
+    if (seed % 5 == 4) zone = TurnZone(params, 1.8, 0.02 * (seed % 300));
     const ScanErrors errors(GetParam().lidar, 42, static_cast<std::int32_t>(seed), 7);
     lidar.Cast(random.scene, errors, ranges);
     const SectorCounts cast = lidar.Count(ranges, zone);
@@ -191,6 +192,25 @@ TEST(AvoidanceZone, GrowsWithReactionAndBraking) {
   EXPECT_NEAR(ZoneForSpeed(params, 1.8, 10.0, 10.0).far, 8.25, 1e-12);
   EXPECT_NEAR(ZoneForSpeed(params, 1.8, 10.0).half_width, 1.3, 1e-12);
   EXPECT_EQ(ZoneForSpeed(params, 1.8, 30.0).far, 30.0);  // The lidar's range.
+}
+
+// Ahead it grows with speed as the other one does; beside, it is a strip. A thing 6 m to the side is not in
+// it.
+TEST(AvoidanceZone, ToTurnInIsAStrip) {
+  AgentParams params;
+  params.sector.turn_reach = 10.0;
+  params.sector.turn_width = 5.0;
+  EXPECT_NEAR(TurnZone(params, 1.8, 0.0).far, 10.0, 1e-12);
+  EXPECT_NEAR(TurnZone(params, 1.8, 10.0).far, 10.0 + 3.25 + 12.5, 1e-12);
+  const AvoidanceZone zone = TurnZone(params, 1.8, 0.0);
+  EXPECT_EQ(DrawnIn(zone, 0.5).far, 5.0);
+  EXPECT_EQ(DrawnIn(zone, 0.5).side, 5.0);
+  const Lidar lidar(Quiet(SongLidar()));
+  for (const auto& [beside, free] : {std::pair{6.0, true}, std::pair{4.5, false}}) {
+    LidarScene scene;
+    scene.AddEdge({2.0, beside}, {7.0, beside});
+    EXPECT_EQ(SectorCode(lidar.CountExactly(scene, {}, zone), 10) == 0xff, free) << beside;
+  }
 }
 
 // A function of (seed, vehicle, step), with the wanted deviation and share.
