@@ -245,10 +245,16 @@ std::span<const MetricInfo> AllMetrics() {
 
 std::size_t FindMetric(const std::string& name, const std::string& origin) {
   std::vector<std::string> names;
+  std::vector<std::size_t> meant;
+  const std::string stem = name.starts_with("mean_") ? name.substr(5) : name;
   for (std::size_t i = 0; i < std::size(kMetrics); ++i) {
-    if (name == kMetrics[i].name) return i;
-    names.emplace_back(kMetrics[i].name);
+    const std::string metric = kMetrics[i].name;
+    if (name == metric) return i;
+    if (stem == metric || metric.starts_with(stem + "_") || metric.starts_with(name + "_"))
+      meant.push_back(i);
+    names.push_back(metric);
   }
+  if (meant.size() == 1) return meant[0];
   throw ConfigError(
       fmt::format("{}: unknown metric '{}'; allowed: all, {}", origin, name, fmt::join(names, ", ")));
 }

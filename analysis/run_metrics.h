@@ -24,7 +24,8 @@ struct MetricInfo {
 
 /// All metrics, in the order they are shown.
 std::span<const MetricInfo> AllMetrics();
-/// Index of a metric. @throws ConfigError naming `origin` and the metrics there are.
+/// Index of a metric; its unit may be left out, and "mean_" be written before it, where that names only one.
+/// @throws ConfigError naming `origin` and the metrics there are.
 std::size_t FindMetric(const std::string& name, const std::string& origin);
 
 struct PolicyShare {

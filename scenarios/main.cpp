@@ -22,11 +22,13 @@
 #include "scenarios/doctor.h"
 #include "scenarios/export.h"
 #include "scenarios/platoon_bench.h"
+#include "scenarios/merge.h"
 #include "scenarios/report.h"
 #include "scenarios/run.h"
 #include "scenarios/ssm_bench.h"
 #include "scenarios/study.h"
 #include "scenarios/train.h"
+#include "scenarios/verify.h"
 
 namespace lanewise {
 namespace {
@@ -356,6 +358,8 @@ int Main(int argc, char** argv) {
   AddTrainCommand(&app, &chosen);
   AddCalibrateCommand(&app, &chosen);
   AddStudyCommand(&app, DescribeRunCommand(), &chosen);
+  AddMergeCommand(&app, &chosen);
+  AddVerifyCommand(&app, &chosen);
 
   try {
     app.parse(own);

@@ -11,15 +11,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
-#include <fstream>
-#include <iterator>
-
 #include "agents/agent_pipeline.h"
 #include "analysis/v2x_log.h"
 #include "libsumo_bridge/sumo_session.h"
+#include "scenarios/input_file.h"
 #include "scenarios/interrupt.h"
 #include "scenarios/progress.h"
 #include "scenarios/recorder.h"
@@ -35,16 +30,6 @@ void Timed(double* seconds, F&& f) {
   const auto start = std::chrono::steady_clock::now();
   f();
   *seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-std::string ReadText(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-std::string HashFile(const std::filesystem::path& file) {
-  const std::string content = ReadText(file);
-  return fmt::format("{:016x}", XXH3_64bits(content.data(), content.size()));
 }
 
 RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_options) {
@@ -65,7 +50,8 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   nlohmann::ordered_json params, hashes;
   for (const ParamDescription& p : DescribeParams(RunParams{config.params, config.safety}))
     params[p.name] = p.value;
-  for (const auto& file : InputFiles(config)) hashes[file.string()] = "xxh3:" + HashFile(file);
+  for (const auto& file : InputFiles(config))
+    hashes[std::filesystem::absolute(file).lexically_normal().string()] = HashFile(file);
   if (!config.config_file.empty()) info.config_text = ReadText(config.config_file);
   info.arguments_json = nlohmann::ordered_json(RepeatArguments(config)).dump();
   info.parameters_json = params.dump();

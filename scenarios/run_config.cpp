@@ -76,17 +76,66 @@ bool Has(const std::vector<std::string>& options, const std::string& name) {
   return std::find(options.begin(), options.end(), name) != options.end();
 }
 
-/// Names of the options in a list of command-line arguments.
-std::vector<std::string> OptionNames(const std::vector<std::string>& arguments) {
-  std::vector<std::string> names;
-  for (const std::string& argument : arguments) {
-    if (!argument.starts_with("-") || argument.size() < 2 || (argument[1] >= '0' && argument[1] <= '9'))
-      continue;
-    const std::size_t start = argument.find_first_not_of('-');
-    if (start == std::string::npos) continue;
-    names.emplace_back(LongName(argument.substr(start, argument.find('=') - start)));
+/// An option among SUMO's arguments: `--name value`, `--name=value` or a name alone.
+struct GivenOption {
+  std::string name;  ///< Long.
+  std::string value;
+  std::size_t first{0}, count{1};  ///< Its words.
+};
+
+std::vector<GivenOption> GivenOptions(const std::vector<std::string>& arguments) {
+  const auto is_option = [](const std::string& word) {
+    return word.size() > 1 && word[0] == '-' && (word[1] < '0' || word[1] > '9') &&
+           word.find_first_not_of('-') != std::string::npos;
+  };
+  std::vector<GivenOption> options;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& word = arguments[i];
+    if (!is_option(word)) continue;
+    const std::size_t start = word.find_first_not_of('-'), equals = word.find('=');
+    GivenOption& option = options.emplace_back();
+    option.name = LongName(word.substr(start, equals == std::string::npos ? equals : equals - start));
+    option.first = i;
+    if (equals != std::string::npos) {
+      option.value = word.substr(equals + 1);
+    } else if (i + 1 < arguments.size() && !is_option(arguments[i + 1])) {
+      option.value = arguments[++i];
+      option.count = 2;
+    }
   }
-  return names;
+  return options;
+}
+
+/// Existing files that an option behind `--` reads.
+std::vector<fs::path> FilesRead(const GivenOption& option) {
+  if (option.value.empty() || WritesFile(option.name, "")) return {};
+  std::vector<fs::path> files = SplitFiles(option.value, "");
+  std::error_code error;
+  std::erase_if(files, [&](const fs::path& file) { return !fs::is_regular_file(file, error); });
+  return files;
+}
+
+/// What of SUMO's arguments repeats the traffic: no outputs, and files wherever it is repeated from.
+std::vector<std::string> RepeatSumoOptions(const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = arguments;
+  std::vector<bool> kept(words.size(), true);
+  for (const GivenOption& option : GivenOptions(arguments)) {
+    const std::size_t last = option.first + option.count - 1;
+    if (WritesFile(option.name, "")) {
+      for (std::size_t i = option.first; i <= last; ++i) kept[i] = false;
+    } else if (const auto files = FilesRead(option);
+               !files.empty() && files.size() == SplitFiles(option.value, "").size()) {
+      std::vector<std::string> absolute;
+      for (const fs::path& file : files) absolute.push_back(fs::absolute(file).lexically_normal().string());
+      words[last] =
+          fmt::format("{}{}", option.count == 2 ? "" : "--" + option.name + "=", fmt::join(absolute, ","));
+    }
+  }
+  std::vector<std::string> repeated;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (kept[i]) repeated.push_back(words[i]);
+  }
+  return repeated;
 }
 
 fs::path NetworksFolder() {
@@ -127,6 +176,11 @@ SumoConfigFile ReadSumoConfig(const fs::path& file) {
     if (option == "net-file" || option == "route-files" || option == "additional-files") {
       const auto files = SplitFiles(value, base);
       config.inputs.insert(config.inputs.end(), files.begin(), files.end());
+    } else if (section == "input") {  // Weights, districts and the like.
+      for (const fs::path& file : SplitFiles(value, base)) {
+        std::error_code error;
+        if (fs::is_regular_file(file, error)) config.inputs.push_back(file);
+      }
     }
     if (option == "end") config.end = ParseTime(value, file.string() + ", option end");
     if (option == "begin") config.begin = ParseTime(value, file.string() + ", option begin");
@@ -223,22 +277,26 @@ void Resolve(RunConfig* config) {
 }
 
 std::vector<fs::path> InputFiles(const RunConfig& config) {
-  if (!config.config_file.empty()) {
-    auto files = ReadSumoConfig(config.config_file).inputs;
-    files.insert(files.begin(), config.config_file);
-    return files;
-  }
-  std::vector<fs::path> files{config.net_file};
-  for (const std::string* list : {&config.route_files, &config.additional_files}) {
-    const auto more = SplitFiles(*list, "");
+  std::vector<fs::path> files;
+  const auto add = [&](const std::vector<fs::path>& more) {
     files.insert(files.end(), more.begin(), more.end());
+  };
+  if (!config.config_file.empty()) {
+    files.push_back(config.config_file);
+    add(ReadSumoConfig(config.config_file).inputs);
+  } else {
+    files.push_back(config.net_file);
+    add(SplitFiles(config.route_files, ""));
+    add(SplitFiles(config.additional_files, ""));
   }
+  for (const GivenOption& option : GivenOptions(config.sumo_options)) add(FilesRead(option));
   return files;
 }
 
 std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   std::vector<std::string> line;
-  std::vector<std::string> given = OptionNames(config.sumo_options);
+  std::vector<std::string> given;
+  for (const GivenOption& option : GivenOptions(config.sumo_options)) given.push_back(option.name);
   const auto add = [&](const std::string& option, const std::string& value) {
     line.push_back("--" + option);
     line.push_back(value);
@@ -301,8 +359,9 @@ std::vector<std::string> RepeatArguments(const RunConfig& config) {
   add("--sample-period", fmt::format("{}", config.sample_period));
   add("--safety", std::string(kSafetyLevelNames[static_cast<std::size_t>(config.safety_level)]));
   add("--edge-interval", fmt::format("{}", config.edge_interval));
-  if (!config.sumo_options.empty()) arguments.emplace_back("--");
-  arguments.insert(arguments.end(), config.sumo_options.begin(), config.sumo_options.end());
+  const std::vector<std::string> sumo = RepeatSumoOptions(config.sumo_options);
+  if (!sumo.empty()) arguments.emplace_back("--");
+  arguments.insert(arguments.end(), sumo.begin(), sumo.end());
   return arguments;
 }
 

@@ -3,15 +3,34 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <fmt/ranges.h>
 
-#include <string>
-#include <vector>
+#include "analysis/results_file.h"
 
 namespace lanewise {
 namespace {
 
 constexpr std::int64_t kIdsPerRun = 10'000'000;  // More collisions than a run can have.
 
-/// Tables that hold rows of runs, but for those that say where runs come from.
+void CopyTable(const std::string& table, SQLite::Database* database) {
+  std::vector<std::string> names, values;
+  SQLite::Statement columns(*database, "SELECT name FROM pragma_table_info(?)");
+  columns.bind(1, table);
+  while (columns.executeStep()) {
+    names.push_back(columns.getColumn(0).getString());
+    values.push_back("s." + names.back());
+    if (names.back() == "run_id") values.back() = "c.run_id";
+    if (names.back() == "collision_id")
+      values.back() = fmt::format(
+          "c.run_id * {} + ROW_NUMBER() OVER (PARTITION BY s.run_id ORDER BY s.collision_id)", kIdsPerRun);
+  }
+  // CROSS JOIN: SQLite then reads the source in its own order.
+  database->exec(
+      fmt::format("INSERT INTO main.{0} ({1}) SELECT {2} FROM source.{0} AS s CROSS JOIN temp.copied_run AS "
+                  "c ON c.source_run_id = s.run_id",
+                  table, fmt::join(names, ", "), fmt::join(values, ", ")));
+}
+
+}  // namespace
+
 std::vector<std::string> TablesOfRuns(SQLite::Database* database) {
   std::vector<std::string> tables{"run"};  // First: the others refer to it.
   SQLite::Statement query(
@@ -22,8 +41,6 @@ std::vector<std::string> TablesOfRuns(SQLite::Database* database) {
   while (query.executeStep()) tables.push_back(query.getColumn(0).getString());
   return tables;
 }
-
-}  // namespace
 
 AttachedFile::AttachedFile(const std::filesystem::path& file, SQLite::Database* database)
     : database_(database) {
@@ -36,25 +53,23 @@ AttachedFile::~AttachedFile() {
   database_->tryExec("DETACH DATABASE source");
 }
 
-void CopyRun(std::int64_t source_run_id, std::int64_t run_id, SQLite::Database* database) {
-  for (const std::string& table : TablesOfRuns(database)) {
-    std::vector<std::string> names, values;
-    SQLite::Statement columns(*database, "SELECT name FROM pragma_table_info(?)");
-    columns.bind(1, table);
-    while (columns.executeStep()) {
-      names.push_back(columns.getColumn(0).getString());
-      values.push_back(names.back());
-      if (names.back() == "run_id") values.back() = "?1";
-      if (names.back() == "collision_id")
-        values.back() = fmt::format("?1 * {} + ROW_NUMBER() OVER (ORDER BY collision_id)", kIdsPerRun);
-    }
-    SQLite::Statement insert(
-        *database, fmt::format("INSERT INTO main.{0} ({1}) SELECT {2} FROM source.{0} WHERE run_id = ?2",
-                               table, fmt::join(names, ", "), fmt::join(values, ", ")));
-    insert.bind(1, run_id);
-    insert.bind(2, source_run_id);
+void CopyRuns(std::span<const CopiedRun> runs, SQLite::Database* database) {
+  database->exec("CREATE TEMP TABLE copied_run (source_run_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL)");
+  SQLite::Statement insert(*database, "INSERT INTO temp.copied_run VALUES (?, ?)");
+  for (const CopiedRun& run : runs) {
+    insert.bind(1, run.source_run_id);
+    insert.bind(2, run.run_id);
     insert.exec();
+    insert.reset();
   }
+  for (const std::string& table : TablesOfRuns(database)) CopyTable(table, database);
+  for (const CopiedRun& run : runs) {
+    SQLite::Statement sampled(*database, "SELECT trajectory_rows FROM main.run WHERE run_id = ?");
+    sampled.bind(1, run.run_id);
+    if (sampled.executeStep() && sampled.getColumn(0).getInt64() > 0)
+      IndexTrajectoryOfRun(run.run_id, database);
+  }
+  database->exec("DROP TABLE temp.copied_run");
 }
 
 }  // namespace lanewise

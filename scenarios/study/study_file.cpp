@@ -1,116 +1,53 @@
 #include "scenarios/study/study_file.h"
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <fstream>
 
 #include "scenarios/study/run_copy.h"
 
 namespace lanewise {
-namespace {
 
 namespace fs = std::filesystem;
 
-std::string ThisProcess() {
-  char host[256] = "";
-  ::gethostname(host, sizeof host - 1);
-  return fmt::format("{}:{}", host, ::getpid());
-}
-
-bool IsSameFile(int fd, const fs::path& file) {
-  struct stat open {
-  }, named{};
-  return ::fstat(fd, &open) == 0 && ::stat(file.c_str(), &named) == 0 && open.st_ino == named.st_ino;
-}
-
-int Lock(const fs::path& study_file) {
-  const fs::path file = study_file.string() + ".lock";
-  const int fd = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-  if (fd < 0)
-    throw ConfigError(
-        fmt::format("study file {}: its lock {} cannot be made; its folder must exist and be writable",
-                    study_file.string(), file.string()));
-  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
-    std::string holder;
-    std::getline(std::ifstream(file), holder);
-    ::close(fd);
-    throw ConfigError(
-        fmt::format("study file {}: another runner ({}) works on it; let it end, or choose another "
-                    "file with --results",
-                    study_file.string(), holder));
-  }
-  if (!IsSameFile(fd, file)) {  // A runner that ended just now has removed it.
-    ::close(fd);
-    return Lock(study_file);
-  }
-  const std::string self = ThisProcess() + "\n";
-  if (::ftruncate(fd, 0) != 0 || ::write(fd, self.data(), self.size()) < 0) {
-    // Only a message to others; the lock holds all the same.
-  }
-  return fd;
-}
-
-}  // namespace
-
-StudyFile::StudyFile(const fs::path& file, const StudyPlan& plan) : path_(file) {
-  ResultsFile::CheckAppend(file);
-  lock_ = Lock(file);
-  try {
-    file_ = std::make_unique<ResultsFile>(ResultsFile::Open(file, ResultsFile::Mode::kAppend));
-    GuardResults(path_, [&] {
-      SQLite::Database& database = file_->database();
-      SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
-      SQLite::Statement other(database, "SELECT name FROM study WHERE name <> ?");
-      other.bind(1, plan.name());
-      if (other.executeStep())
-        throw ConfigError(
-            fmt::format("study file {}: it holds the study '{}', not '{}'; choose another file with "
-                        "--results, or give the study that name",
-                        path_.string(), other.getColumn(0).getString(), plan.name()));
-      if (database.execAndGet("SELECT (SELECT COUNT(*) FROM study) = 0 AND EXISTS (SELECT 1 FROM run)")
-              .getInt() != 0)
-        throw ConfigError(
-            fmt::format("study file {}: it is a results file of single runs, of no study; choose "
-                        "another file with --results",
-                        path_.string()));
-      SQLite::Statement insert(
-          database,
-          "INSERT INTO study (name, question, study_text) VALUES (?1, ?2, ?3) ON CONFLICT (name) "
-          "DO UPDATE SET question = ?2, study_text = ?3");
-      insert.bind(1, plan.name());
-      insert.bind(2, plan.question());
-      insert.bind(3, plan.text());
-      insert.exec();
-      transaction.commit();
-    });
-  } catch (...) {
-    file_.reset();
-    ::close(lock_);
-    throw;
-  }
-}
-
-StudyFile::~StudyFile() {
-  file_.reset();
-  std::error_code ignored;
-  fs::remove(path_.string() + ".lock", ignored);
-  ::close(lock_);
+StudyFile::StudyFile(const fs::path& file, const StudyPlan& plan)
+    : path_(file), lock_(file), file_(ResultsFile::Open(file, ResultsFile::Mode::kAppend)) {
+  GuardResults(path_, [&] {
+    SQLite::Database& database = file_.database();
+    SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
+    SQLite::Statement other(database, "SELECT name FROM study WHERE name <> ?");
+    other.bind(1, plan.name());
+    if (other.executeStep())
+      throw ConfigError(
+          fmt::format("study file {}: it holds the study '{}', not '{}'; choose another file with "
+                      "--results, or give the study that name",
+                      path_.string(), other.getColumn(0).getString(), plan.name()));
+    if (database.execAndGet("SELECT (SELECT COUNT(*) FROM study) = 0 AND EXISTS (SELECT 1 FROM run)")
+            .getInt() != 0)
+      throw ConfigError(
+          fmt::format("study file {}: it is a results file of single runs, of no study; choose "
+                      "another file with --results",
+                      path_.string()));
+    SQLite::Statement insert(
+        database,
+        "INSERT INTO study (name, question, study_text) VALUES (?1, ?2, ?3) ON CONFLICT (name) "
+        "DO UPDATE SET question = ?2, study_text = ?3");
+    insert.bind(1, plan.name());
+    insert.bind(2, plan.question());
+    insert.bind(3, plan.text());
+    insert.exec();
+    transaction.commit();
+  });
 }
 
 std::int64_t StudyFile::extra_seeds() const {
   std::int64_t extra = 0;
   GuardResults(path_,
-               [&] { extra = file_->database().execAndGet("SELECT extra_seeds FROM study").getInt64(); });
+               [&] { extra = file_.database().execAndGet("SELECT extra_seeds FROM study").getInt64(); });
   return extra;
 }
 
 void StudyFile::SetExtraSeeds(std::int64_t extra_seeds) {
   GuardResults(path_, [&] {
-    SQLite::Statement update(file_->database(), "UPDATE study SET extra_seeds = ?");
+    SQLite::Statement update(file_.database(), "UPDATE study SET extra_seeds = ?");
     update.bind(1, extra_seeds);
     update.exec();
   });
@@ -119,7 +56,7 @@ void StudyFile::SetExtraSeeds(std::int64_t extra_seeds) {
 std::int64_t StudyFile::AddRuns(const StudyPlan& plan, std::int64_t extra_seeds, const Shard& shard) {
   std::int64_t added = 0;
   GuardResults(path_, [&] {
-    SQLite::Database& database = file_->database();
+    SQLite::Database& database = file_.database();
     SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
     // The run's number is its place in the plan; behind all others if a changed study file gives that to
     // another.
@@ -145,7 +82,7 @@ std::int64_t StudyFile::AddRuns(const StudyPlan& plan, std::int64_t extra_seeds,
 std::int64_t StudyFile::ReleaseStale() {
   std::int64_t released = 0;
   GuardResults(path_, [&] {
-    released = file_->database().exec(
+    released = file_.database().exec(
         "UPDATE study_run SET status = 'pending', claimed_by = NULL, attempts = attempts - 1 WHERE status = "
         "'claimed'");
   });
@@ -155,7 +92,7 @@ std::int64_t StudyFile::ReleaseStale() {
 std::int64_t StudyFile::RetryFailed() {
   std::int64_t released = 0;
   GuardResults(path_, [&] {
-    released = file_->database().exec(
+    released = file_.database().exec(
         "UPDATE study_run SET status = 'pending', attempts = 0, message = NULL, log = NULL WHERE status = "
         "'failed'");
   });
@@ -166,7 +103,7 @@ std::optional<ClaimedRun> StudyFile::Claim() {
   std::optional<ClaimedRun> claimed;
   GuardResults(path_, [&] {
     SQLite::Statement claim(
-        file_->database(),
+        file_.database(),
         "UPDATE study_run SET status = 'claimed', claimed_by = ?, attempts = attempts + 1 WHERE run_id = "
         "(SELECT "
         "run_id FROM study_run WHERE status = 'pending' ORDER BY run_id LIMIT 1) RETURNING run_id, attempts, "
@@ -181,15 +118,13 @@ std::optional<ClaimedRun> StudyFile::Claim() {
 
 void StudyFile::Finish(std::int64_t run_id, const fs::path& worker_file, double wall_time) {
   GuardResults(path_, [&] {
-    SQLite::Database& database = file_->database();
+    SQLite::Database& database = file_.database();
     const AttachedFile attached(worker_file, &database);
     SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
     const SQLite::Column source =
         database.execAndGet("SELECT run_id FROM source.run WHERE status = 'finished'");
-    CopyRun(source.getInt64(), run_id, &database);
-    if (database.execAndGet(fmt::format("SELECT trajectory_rows FROM run WHERE run_id = {}", run_id))
-            .getInt64() > 0)
-      IndexTrajectoryOfRun(run_id, &database);
+    const CopiedRun copied{source.getInt64(), run_id};
+    CopyRuns({&copied, 1}, &database);
     SQLite::Statement update(
         database,
         "UPDATE study_run SET status = 'finished', claimed_by = NULL, message = NULL, log = NULL, "
@@ -205,7 +140,7 @@ void StudyFile::Finish(std::int64_t run_id, const fs::path& worker_file, double 
 void StudyFile::Fail(std::int64_t run_id, const std::string& message, const std::string& log) {
   GuardResults(path_, [&] {
     SQLite::Statement update(
-        file_->database(),
+        file_.database(),
         "UPDATE study_run SET status = 'failed', claimed_by = NULL, message = ?2, log = ?3 WHERE "
         "run_id = ?1");
     update.bind(1, run_id);
@@ -218,7 +153,7 @@ void StudyFile::Fail(std::int64_t run_id, const std::string& message, const std:
 void StudyFile::Release(std::int64_t run_id, bool counts) {
   GuardResults(path_, [&] {
     SQLite::Statement update(
-        file_->database(),
+        file_.database(),
         "UPDATE study_run SET status = 'pending', claimed_by = NULL, attempts = attempts - ?2 "
         "WHERE run_id = ?1");
     update.bind(1, run_id);
@@ -230,7 +165,7 @@ void StudyFile::Release(std::int64_t run_id, bool counts) {
 StudyCounts StudyFile::Counts() const {
   StudyCounts counts;
   GuardResults(path_, [&] {
-    SQLite::Statement query(file_->database(), "SELECT status, COUNT(*) FROM study_run GROUP BY status");
+    SQLite::Statement query(file_.database(), "SELECT status, COUNT(*) FROM study_run GROUP BY status");
     while (query.executeStep()) {
       const std::string status = query.getColumn(0).getString();
       (status == "pending"    ? counts.pending
@@ -245,7 +180,7 @@ StudyCounts StudyFile::Counts() const {
 std::vector<FailedRun> StudyFile::Failed() const {
   std::vector<FailedRun> failed;
   GuardResults(path_, [&] {
-    SQLite::Statement query(file_->database(),
+    SQLite::Statement query(file_.database(),
                             "SELECT run_id, settings_json, COALESCE(message, '') FROM study_run WHERE status "
                             "= 'failed' ORDER BY run_id");
     while (query.executeStep())
@@ -255,20 +190,19 @@ std::vector<FailedRun> StudyFile::Failed() const {
   return failed;
 }
 
-std::vector<RunCost> LoadCosts(const fs::path& file) {
-  std::vector<RunCost> costs;
-  if (!fs::exists(file) || fs::file_size(file) == 0) return costs;
+void ForEachFinished(const fs::path& file,
+                     const std::function<void(const std::string& key, const RunSettings& settings,
+                                              const RunCost& cost)>& visit) {
+  if (!fs::exists(file) || fs::file_size(file) == 0) return;
   ResultsFile results = ResultsFile::Open(file, ResultsFile::Mode::kRead);
   GuardResults(file, [&] {
-    SQLite::Statement query(
-        results.database(),
-        "SELECT settings_json, wall_time_s, bytes FROM study_run WHERE status = 'finished' AND "
-        "wall_time_s IS NOT NULL LIMIT 1000");
+    SQLite::Statement query(results.database(),
+                            "SELECT run_key, settings_json, wall_time_s, bytes FROM study_run WHERE status = "
+                            "'finished'");
     while (query.executeStep())
-      costs.push_back({SettingsFromJson(query.getColumn(0).getString()), query.getColumn(1).getDouble(),
-                       query.getColumn(2).getDouble()});
+      visit(query.getColumn(0).getString(), SettingsFromJson(query.getColumn(1).getString()),
+            {query.getColumn(2).getDouble(), query.getColumn(3).getDouble()});
   });
-  return costs;
 }
 
 }  // namespace lanewise

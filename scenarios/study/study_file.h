@@ -2,12 +2,13 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <memory>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "analysis/results_file.h"
+#include "scenarios/study/study_lock.h"
 #include "scenarios/study/study_plan.h"
 
 namespace lanewise {
@@ -42,9 +43,6 @@ class StudyFile {
  public:
   /// @throws ConfigError: no study file, the file of another study, or in use by another runner.
   StudyFile(const std::filesystem::path& file, const StudyPlan& plan);
-  ~StudyFile();
-  StudyFile(const StudyFile&) = delete;
-  StudyFile& operator=(const StudyFile&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
   /// Seeds added to the plan's by earlier rounds.
@@ -71,17 +69,19 @@ class StudyFile {
 
  private:
   std::filesystem::path path_;
-  int lock_{-1};
-  std::unique_ptr<ResultsFile> file_;
+  StudyLock lock_;
+  mutable ResultsFile file_;
 };
 
-/// Runs of a study that have finished: what an estimate of the others rests on.
+/// What a run took.
 struct RunCost {
-  RunSettings settings;
   double wall_time{0.0};  ///< [s]
-  double bytes{0.0};
+  double bytes{0.0};      ///< Of its results.
 };
-/// Of a study file, read only; nothing if there is none yet. At most a thousand.
-std::vector<RunCost> LoadCosts(const std::filesystem::path& file);
+
+/// Visits the finished runs of a study file, which is only read; there are none if there is no file yet.
+void ForEachFinished(const std::filesystem::path& file,
+                     const std::function<void(const std::string& key, const RunSettings& settings,
+                                              const RunCost& cost)>& visit);
 
 }  // namespace lanewise

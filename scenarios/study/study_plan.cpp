@@ -7,14 +7,13 @@
 #include <xxhash.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 #include <unordered_set>
 
 #include "agents/core/params.h"
+#include "scenarios/input_file.h"
 
 namespace lanewise {
 namespace {
@@ -29,11 +28,6 @@ const std::set<std::string> kRunnersOwn = {"help",         "results",     "quiet
 /// Options that name files, relative to the study file.
 const std::set<std::string> kFiles = {"configuration-file", "net-file", "route-files", "additional-files",
                                       "config"};
-
-std::string ReadText(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 std::string KeyOf(const std::string& settings_json) {
   return fmt::format("{:016x}", XXH3_64bits(settings_json.data(), settings_json.size()));
@@ -290,10 +284,14 @@ StudyPlan StudyPlan::Load(const fs::path& file, const RunInterface& run) {
   return plan;
 }
 
+std::int64_t StudyPlan::seeds() const {
+  std::size_t most = 0;
+  for (const Block& block : blocks_) most = std::max(most, block.seeds.size());
+  return static_cast<std::int64_t>(most);
+}
+
 void StudyPlan::ForEach(std::int64_t extra_seeds, const std::function<void(const PlannedRun&)>& visit) const {
-  std::size_t rounds = 0;
-  for (const Block& block : blocks_) rounds = std::max(rounds, block.seeds.size());
-  rounds += static_cast<std::size_t>(extra_seeds);
+  const auto rounds = static_cast<std::size_t>(seeds() + extra_seeds);
   std::unordered_set<std::string> seen;  // Keys: 16 characters.
   std::int64_t number = 0;
   PlannedRun run;

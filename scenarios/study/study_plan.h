@@ -51,6 +51,7 @@ class StudyPlan {
   const std::string& name() const { return name_; }
   const std::string& question() const { return question_; }
   const std::string& text() const { return text_; }  ///< Of the file.
+  std::int64_t seeds() const;                        ///< Of the longest list of seeds.
 
   /// Every run once; duplicates are left out. Nothing is kept, so a plan may have any number of runs.
   /// @param extra_seeds further seeds for every list of seeds: those that follow its largest.

@@ -6,10 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstring>
-#include <fstream>
 #include <list>
-#include <sstream>
 
 #include "scenarios/interrupt.h"
 #include "scenarios/study/worker.h"
@@ -19,8 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-
-constexpr std::size_t kMaxLog = 64 * 1024;  // [bytes] kept of a failed run's log.
 
 double OwnCpuTime() {
   rusage usage{};
@@ -37,32 +32,10 @@ std::string Duration(double seconds) {
                    : fmt::format("{}:{:02}", s / 60, s % 60);
 }
 
-std::string LogTail(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary | std::ios::ate);
-  if (!in) return "";
-  const auto size = static_cast<std::size_t>(in.tellg());
-  in.seekg(static_cast<std::streamoff>(size > kMaxLog ? size - kMaxLog : 0));
-  std::string text{std::istreambuf_iterator<char>(in), {}};
-  std::erase(text, '\0');
-  return text;
-}
-
-/// What a worker says of its end: its own last error, or else the last line.
-std::string LastMessage(const std::string& log) {
-  std::istringstream lines(log);
-  std::string last, own;
-  for (std::string line; std::getline(lines, line);) {
-    if (line.empty()) continue;
-    last = line;
-    if (line.starts_with("lanewise: ")) own = line.substr(10);
-  }
-  return own.empty() ? last : own;
-}
-
 /// A run under way.
 struct Job {
   ClaimedRun run;
-  fs::path results, log, outputs;
+  WorkerFiles files;
   std::unique_ptr<Worker> worker;
   bool hung{false};
 };
@@ -78,7 +51,6 @@ class Runner {
     fs::remove_all(folder_);  // Of workers that died with an earlier runner.
     fs::create_directories(folder_);
     counts_ = study_.Counts();
-    first_finished_ = counts_.finished + counts_.failed;
   }
   ~Runner() {
     jobs_.clear();
@@ -123,26 +95,12 @@ class Runner {
   bool StartNext() {
     auto claimed = study_.Claim();
     if (!claimed) return false;
-    Job job;
-    job.run = std::move(*claimed);
-    const std::string name = fmt::format("run-{}", job.run.run_id);
-    job.results = folder_ / (name + ".sqlite");
-    job.log = folder_ / (name + ".log");
-    job.outputs = folder_ / (name + ".sumo");
-    RemoveFiles(job);
-    fs::create_directories(job.outputs);
-    std::vector<std::string> arguments{"run",
-                                       "-q",
-                                       "--results",
-                                       job.results.string(),
-                                       "--sumo-outputs",
-                                       job.outputs.string(),
-                                       "--threads",
-                                       std::to_string(params_.threads)};
-    for (std::string& word : plan_.Arguments(job.run.settings)) arguments.push_back(std::move(word));
+    Job job{*claimed, WorkerFiles(folder_, fmt::format("run-{}", claimed->run_id)), nullptr};
+    job.files.Prepare();
     --counts_.pending;
     ++counts_.claimed;
-    job.worker = std::make_unique<Worker>(arguments, job.log);
+    job.worker = std::make_unique<Worker>(
+        WorkerArguments(job.files, params_.threads, plan_.Arguments(job.run.settings)), job.files.log);
     jobs_.push_back(std::move(job));
     return true;
   }
@@ -170,7 +128,7 @@ class Runner {
                                ? "before the first step"
                                : fmt::format("after {:.0f} s simulated", job->worker->time());
     if (code == 0) {
-      study_.Finish(id, job->results, wall_time);
+      study_.Finish(id, job->files.results, wall_time);
       ++counts_.finished;
       ++report_.finished;
       work_done_ += wall_time;
@@ -180,12 +138,9 @@ class Runner {
       Retry(*job, fmt::format("killed from outside (signal {}, {}); out of memory?",
                               code < 0 ? -code : SIGINT, at));
     } else {
-      const std::string last = LastMessage(LogTail(job->log));
-      Fail(*job, code > 0 ? last
-                          : fmt::format("aborted: signal {} ({}) {}{}{}", -code, ::strsignal(-code), at,
-                                        last.empty() ? "" : ": ", last));
+      Fail(*job, EndOfWorker(code, job->files.log, at));
     }
-    RemoveFiles(*job);
+    job->files.Remove();
   }
 
   void Retry(const Job& job, const std::string& why) {
@@ -199,18 +154,10 @@ class Runner {
   }
 
   void Fail(const Job& job, const std::string& message) {
-    study_.Fail(job.run.run_id, message, LogTail(job.log));
+    study_.Fail(job.run.run_id, message, LogTail(job.files.log));
     ++counts_.failed;
     ++report_.failed;
     Say(fmt::format("run {} failed ({}): {}", job.run.run_id, ToText(job.run.settings), message));
-  }
-
-  static void RemoveFiles(const Job& job) {
-    std::error_code ignored;
-    for (const char* tail : {"", "-wal", "-shm", "-journal"})
-      fs::remove(job.results.string() + tail, ignored);
-    fs::remove(job.log, ignored);
-    fs::remove_all(job.outputs, ignored);
   }
 
   /// Ends what is under way; it will be run again.
@@ -285,7 +232,6 @@ class Runner {
   std::list<Job> jobs_;
   StudyCounts counts_;
   RunnerReport report_;
-  std::int64_t first_finished_{0};
   double work_done_{0.0};  // [s] of the runs that finished.
   bool terminal_{::isatty(STDERR_FILENO) != 0};
   int shown_lines_{0};
@@ -296,6 +242,16 @@ class Runner {
 
 fs::path WorkFolder(const fs::path& study_file) {
   return study_file.string() + ".work";
+}
+
+void RunnerReport::Add(const RunnerReport& next) {
+  interrupted = next.interrupted;
+  finished += next.finished;
+  failed += next.failed;
+  wall_time += next.wall_time;
+  worker_time += next.worker_time;
+  worker_cpu_time += next.worker_cpu_time;
+  own_cpu_time += next.own_cpu_time;
 }
 
 RunnerReport RunPending(const StudyPlan& plan, const RunnerParams& params, StudyFile* study) {

@@ -23,6 +23,8 @@ struct RunnerReport {
   double worker_time{0.0};              ///< [s] Sum over workers, start to end.
   double worker_cpu_time{0.0};          ///< [s] Likewise.
   double own_cpu_time{0.0};             ///< [s] Of this process meanwhile.
+
+  void Add(const RunnerReport& next);  ///< Of a runner that went on.
 };
 
 /// Runs what is pending, each run in a process of its own, until nothing is left or a signal comes. A run

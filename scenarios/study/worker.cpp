@@ -11,12 +11,15 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <sstream>
 #include <stdexcept>
 
 namespace lanewise {
 namespace {
 
-constexpr int kProgressFd = 3;  // In the child.
+constexpr int kProgressFd = 3;              // In the child.
+constexpr std::size_t kMaxLog = 64 * 1024;  // [bytes] kept of a log.
 
 /// The child's side between fork and exec: only calls that are safe there.
 [[noreturn]] void Become(char* const* argv, int log, int pipe, pid_t parent) {
@@ -38,7 +41,68 @@ double Seconds(const timeval& t) {
   return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
 }
 
+/// What a worker says of its end: its own last error, or else the last line.
+std::string LastMessage(const std::string& log) {
+  std::istringstream lines(log);
+  std::string last, own;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty()) continue;
+    last = line;
+    if (line.starts_with("lanewise: ")) own = line.substr(10);
+  }
+  return own.empty() ? last : own;
+}
+
 }  // namespace
+
+WorkerFiles::WorkerFiles(const std::filesystem::path& folder, const std::string& name)
+    : results(folder / (name + ".sqlite")),
+      log(folder / (name + ".log")),
+      outputs(folder / (name + ".sumo")) {}
+
+void WorkerFiles::Prepare() const {
+  Remove();
+  std::filesystem::create_directories(outputs);
+}
+
+void WorkerFiles::Remove() const {
+  std::error_code ignored;
+  for (const char* tail : {"", "-wal", "-shm", "-journal"})
+    std::filesystem::remove(results.string() + tail, ignored);
+  std::filesystem::remove(log, ignored);
+  std::filesystem::remove_all(outputs, ignored);
+}
+
+std::vector<std::string> WorkerArguments(const WorkerFiles& files, int threads,
+                                         const std::vector<std::string>& arguments) {
+  std::vector<std::string> all{"run",
+                               "-q",
+                               "--results",
+                               files.results.string(),
+                               "--sumo-outputs",
+                               files.outputs.string(),
+                               "--threads",
+                               std::to_string(threads)};
+  all.insert(all.end(), arguments.begin(), arguments.end());
+  return all;
+}
+
+std::string LogTail(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary | std::ios::ate);
+  if (!in) return "";
+  const auto size = static_cast<std::size_t>(in.tellg());
+  in.seekg(static_cast<std::streamoff>(size > kMaxLog ? size - kMaxLog : 0));
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  std::erase(text, '\0');
+  return text;
+}
+
+std::string EndOfWorker(int code, const std::filesystem::path& log, const std::string& at) {
+  const std::string last = LastMessage(LogTail(log));
+  if (code > 0) return last;
+  return fmt::format("aborted: signal {} ({}) {}{}{}", -code, ::strsignal(-code), at,
+                     last.empty() ? "" : ": ", last);
+}
 
 Worker::Worker(const std::vector<std::string>& arguments, const std::filesystem::path& log)
     : started_(Clock::now()), heard_(started_) {

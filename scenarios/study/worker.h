@@ -9,6 +9,28 @@
 
 namespace lanewise {
 
+/// What a worker writes: files of its own, so that no two processes write to one.
+struct WorkerFiles {
+  std::filesystem::path results;
+  std::filesystem::path log;      ///< What it says, and what SUMO says.
+  std::filesystem::path outputs;  ///< Folder of SUMO's own outputs.
+
+  WorkerFiles(const std::filesystem::path& folder, const std::string& name);
+  void Prepare() const;  ///< Nothing is left of an earlier one.
+  void Remove() const;
+};
+
+/// `lanewise run` with these arguments into these files.
+std::vector<std::string> WorkerArguments(const WorkerFiles& files, int threads,
+                                         const std::vector<std::string>& arguments);
+
+/// The end of a log.
+std::string LogTail(const std::filesystem::path& log);
+
+/// Why a worker failed: its own message, or the signal that ended it.
+/// @param code of Worker::Wait. @param at when it ended, in words.
+std::string EndOfWorker(int code, const std::filesystem::path& log, const std::string& at);
+
 /// One `lanewise run` as a child process: it tells its progress through a pipe and writes what it says, and
 /// what SUMO says, to a log. It dies with this process, however that ends.
 class Worker {

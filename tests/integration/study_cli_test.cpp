@@ -1,42 +1,19 @@
 // `lanewise study` as a user runs it: everything once, nothing lost.
 
-#include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <thread>
 
-#include "tests/support/child_process.h"
 #include "tests/support/same_results.h"
+#include "tests/support/study_files.h"
 
 namespace lanewise {
 namespace {
 
 namespace fs = std::filesystem;
 
-class Study : public testing::Test {
- protected:
-  fs::path WriteStudy(const std::string& policies, int seeds, int end = 10) const {
-    return folder_.Write(
-        "study.toml",
-        fmt::format("question = 'Does it work?'\n[run]\nscenario = 'priority_crossing'\nend = {}\n"
-                    "sample-period = 5\n[grid]\npolicy = {}\nseed = {{ from = 1, count = {} }}\n",
-                    end, policies, seeds));
-  }
-  std::vector<std::string> Command(const fs::path& study, const fs::path& results,
-                                   const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words{"study", study.string(), "--results", results.string(), "--jobs", "2",
-                                   "-q"};
-    words.insert(words.end(), more.begin(), more.end());
-    return words;
-  }
-  static std::string Value(const fs::path& file, const std::string& sql) {
-    SQLite::Database database(file.string(), SQLite::OPEN_READONLY, 5000);
-    return database.execAndGet(sql).getString();
-  }
-
-  TemporaryFolder folder_;
-};
+using Study = StudyFiles;
 
 TEST_F(Study, RunsEverythingOnceInTheOrderOfThePlan) {
   const auto study = WriteStudy("['sumo', 'dwa']", 2), results = folder_ / "a.sqlite";
@@ -52,26 +29,6 @@ TEST_F(Study, RunsEverythingOnceInTheOrderOfThePlan) {
   EXPECT_EQ(Value(results, "SELECT MAX(started_at) || MAX(rowid) FROM run"), started);
   EXPECT_FALSE(fs::exists(results.string() + ".work"));
   EXPECT_FALSE(fs::exists(results.string() + ".lock"));
-}
-
-TEST_F(Study, AKilledRunnerLosesNothingAndTheResumedRowsAreThoseOfAnUndisturbedStudy) {
-  const auto study = WriteStudy("['sumo', 'dwa']", 3), calm = folder_ / "calm.sqlite",
-             torn = folder_ / "torn.sqlite";
-  ChildProcess undisturbed(Command(study, calm));
-  ASSERT_EQ(undisturbed.Wait(), 0) << undisturbed.Errors();
-  for (const int milliseconds : {150, 400, 700}) {
-    ChildProcess child(Command(study, torn));
-    std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
-    child.Signal(SIGKILL);
-    child.Wait();
-    if (fs::exists(torn) && fs::file_size(torn) > 0) {
-      EXPECT_EQ(Value(torn, "PRAGMA integrity_check"), "ok");
-    }
-  }
-  ChildProcess resumed(Command(study, torn));
-  ASSERT_EQ(resumed.Wait(), 0) << resumed.Errors();
-  EXPECT_EQ(Value(torn, "PRAGMA integrity_check"), "ok");
-  EXPECT_EQ(DifferenceOfResults(calm, torn), "");
 }
 
 TEST_F(Study, AnInterruptedOneSaysHowToGoOn) {
@@ -148,11 +105,68 @@ TEST_F(Study, ShippedOnesAreValidAndOpenWithTheirQuestion) {
   for (const auto& entry : fs::directory_iterator(kStudiesFolder)) {
     if (entry.path().extension() != ".toml") continue;
     ++studies;
-    ChildProcess child(Command(entry.path(), folder_ / "a.sqlite", {"--dry-run"}));
+    ChildProcess child(Command(entry.path(), folder_ / "a.sqlite", {"--dry-run", "--probe", "0"}));
     EXPECT_EQ(child.Wait(), 0) << entry.path() << child.Errors();
     EXPECT_NE(child.Output().find("question: "), std::string::npos) << entry.path();
   }
-  EXPECT_GE(studies, 3);
+  EXPECT_GE(studies, 4);
+}
+
+TEST_F(Study, ADryRunMeasuresARunOfEachKindAndKnowsThoseThatHaveFinished) {
+  const auto study = WriteStudy("['sumo', 'dwa']", 3), results = folder_ / "a.sqlite";
+  ChildProcess measured(Command(study, results, {"--dry-run", "--probe", "1"}));
+  ASSERT_EQ(measured.Wait(), 0) << measured.Errors();
+  EXPECT_NE(measured.Output().find("of a run of each kind"), std::string::npos) << measured.Output();
+  EXPECT_NE(measured.Output().find("MB on disk"), std::string::npos);
+  EXPECT_FALSE(fs::exists(results));
+  ChildProcess shard(Command(study, results, {"--shard", "1/3"}));
+  ASSERT_EQ(shard.Wait(), 0) << shard.Errors();
+  ChildProcess known(Command(study, results, {"--dry-run"}));
+  ASSERT_EQ(known.Wait(), 0) << known.Errors();
+  EXPECT_NE(known.Output().find("6 runs, 4 left"), std::string::npos) << known.Output();
+  EXPECT_NE(known.Output().find("by 2 finished runs"), std::string::npos) << known.Output();
+  EXPECT_NE(known.Output().find("seed=1  (finished)"), std::string::npos);
+}
+
+TEST_F(Study, SeedsAreAddedUntilTheIntervalIsNarrowEnough) {
+  const auto study = WriteStudy("['sumo', 'idm']", 2, 60), results = folder_ / "a.sqlite";
+  const auto command = [&](const char* goal, const char* most) {
+    return Command(study, results, {"--until-ci", goal, "--max-seeds", most});
+  };
+  // First out of reach: it ends at the maximum, and says so.
+  ChildProcess capped(command("0.000001:mean_time_loss", "7"));
+  EXPECT_EQ(capped.Wait(), 1) << capped.Errors();
+  EXPECT_NE(capped.Output().find("not reached with the 7 seeds"), std::string::npos) << capped.Output();
+  EXPECT_EQ(Value(results, "SELECT COUNT(*) FROM run WHERE status = 'finished'"), "14");
+  EXPECT_EQ(Value(results, "SELECT GROUP_CONCAT(DISTINCT seed) FROM run"), "1,2,3,4,5,6,7");
+  // The same file then goes on from there to a goal that can be reached, and stays there.
+  ChildProcess reached(command("0.5:mean_time_loss", "60"));
+  EXPECT_EQ(reached.Wait(), 0) << reached.Output() << reached.Errors();
+  EXPECT_NE(reached.Output().find(": narrow enough"), std::string::npos) << reached.Output();
+  const std::string runs = Value(results, "SELECT COUNT(*) FROM run");
+  ChildProcess again(command("0.5:mean_time_loss", "60"));
+  EXPECT_EQ(again.Wait(), 0) << again.Errors();
+  EXPECT_EQ(Value(results, "SELECT COUNT(*) FROM run"), runs);
+  ChildProcess wrong(command("0.5:time_lost", "60"));
+  EXPECT_EQ(wrong.Wait(), 2);
+  EXPECT_NE(wrong.Errors().find("unknown metric 'time_lost'"), std::string::npos) << wrong.Errors();
+}
+
+TEST_F(Study, AddingSeedsGoesOnAfterAKill) {
+  const auto study = WriteStudy("['sumo', 'idm']", 2), calm = folder_ / "calm.sqlite",
+             torn = folder_ / "torn.sqlite";
+  const std::vector<std::string> more = {"--until-ci", "0.000001:mean_time_loss", "--max-seeds", "8"};
+  ChildProcess undisturbed(Command(study, calm, more));
+  EXPECT_EQ(undisturbed.Wait(), 1) << undisturbed.Errors();
+  for (const int milliseconds : {300, 600, 900}) {
+    ChildProcess child(Command(study, torn, more));
+    std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+    child.Signal(SIGKILL);
+    child.Wait();
+  }
+  ChildProcess resumed(Command(study, torn, more));
+  EXPECT_EQ(resumed.Wait(), 1) << resumed.Errors();
+  EXPECT_EQ(DifferenceOfResults(calm, torn), "");
 }
 
 TEST_F(Study, DemandIsFrozenBySeedAndHigherPenetrationContainsTheLower) {

@@ -12,7 +12,9 @@ namespace lanewise {
 
 /// Compares all rows of two results files, but for what a clock, a place or a process wrote. @return the
 /// first difference in words; empty if there is none.
-inline std::string DifferenceOfResults(const std::filesystem::path& a, const std::filesystem::path& b) {
+/// @param ignored tables.
+inline std::string DifferenceOfResults(const std::filesystem::path& a, const std::filesystem::path& b,
+                                       const std::set<std::string>& ignored = {}) {
   static const std::set<std::string> kClocks = {"started_at", "finished_at", "wall_time_s", "sumo_time_s",
                                                 "claimed_by", "attempts",    "bytes",       "sumo_options"};
   SQLite::Database database(a.string(), SQLite::OPEN_READWRITE, 5000);
@@ -21,6 +23,7 @@ inline std::string DifferenceOfResults(const std::filesystem::path& a, const std
   SQLite::Statement names(database, "SELECT name FROM main.sqlite_master WHERE type = 'table'");
   while (names.executeStep()) tables.push_back(names.getColumn(0).getString());
   for (const std::string& table : tables) {
+    if (ignored.count(table) != 0) continue;
     std::vector<std::string> columns;
     SQLite::Statement query(database, fmt::format("SELECT name FROM pragma_table_info('{}')", table));
     while (query.executeStep()) {
