@@ -178,7 +178,8 @@ struct AgentParams {
           "advantage a second less of queueing ahead gives a lane in an unforced change",
           "fitted on Bologna (joined, Via Saffi)");
     field("lane_change.patience", p.lane_change.patience, "s", Range{0, 600},
-          "at the end of a lane that leaves the route, a vehicle lets the neighbour lane pass for so long; then "
+          "at the end of a lane that leaves the route, a vehicle lets the neighbour lane pass for so long; "
+          "then "
           "it drives on where its lane leads, and back to its route",
           "own choice");
     field("lane_change.max_detour", p.lane_change.max_detour, "s", Range{0, 3600},

@@ -76,7 +76,7 @@ struct Commands {
   std::vector<double> change_shift;     ///< [m] position on the new lane minus that on the old one.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
   std::vector<std::uint8_t>
-      passed_on_lane;  ///< The front has just passed a standing vehicle of the same lane.
+      passed_on_lane;                     ///< The front has just passed a standing vehicle of the same lane.
   std::vector<std::uint8_t> leave_route;  ///< Drives on where its lane leads, off its route.
   void Resize(std::size_t n);
 };

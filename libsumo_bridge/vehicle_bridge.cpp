@@ -417,9 +417,8 @@ void VehicleBridge::TakeDetour(std::size_t row, Traffic* traffic) {
   const DeadEnd dead_end = FindDeadEnd(row, *traffic);
   if (!coupled.stops.empty() || dead_end.lane == kNone || coupled.no_detour == dead_end.lane) return;
   const auto route = traffic->plan[row]->route();
-  const std::optional<Detour> detour =
-      FindDetour(network_, route, dead_end.position, dead_end.lane, coupled.class_mask,
-                 params_.lane_change.max_detour);
+  const std::optional<Detour> detour = FindDetour(network_, route, dead_end.position, dead_end.lane,
+                                                  coupled.class_mask, params_.lane_change.max_detour);
   if (!detour) {
     coupled.no_detour = dead_end.lane;  // It waits for a gap.
     return;

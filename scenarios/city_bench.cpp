@@ -84,6 +84,7 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
             a_in_junctions <= n_in_junctions);
   table.Row("halts at a lane's end for want of a change", "-", count(report.lane_end_halts), "0",
             report.lane_end_halts == 0);
+  table.Row("detours for want of a lane change", "-", count(report.detours), "", true);
   table.Row("near misses (TTC < 1.5 s)", count(n.near_misses.value_or(0)), count(a.near_misses.value_or(0)),
             "", true);
   table.Row("CO2 [g/km]", fmt::format("{:.1f}", n.co2_g_per_km.value_or(0.0)),

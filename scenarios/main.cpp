@@ -181,10 +181,10 @@ int Report(const RunConfig& config, const RunReport& report) {
                    ? 100.0 * static_cast<double>(share.agent_steps) / static_cast<double>(share.vehicle_steps)
                    : 0.0);
   }
-  fmt::print("audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end, {} "
-             "detours for want of a lane change ({:.1f} km)\n",
-             audit.different, audit.steps, report.lane_end_halts, report.detours,
-             1e-3 * report.detour_length);
+  fmt::print(
+      "audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end, {} "
+      "detours for want of a lane change ({:.1f} km)\n",
+      audit.different, audit.steps, report.lane_end_halts, report.detours, 1e-3 * report.detour_length);
   fmt::print("state hash {:016x}\n", o.state_hash);
   if (config.samples_file) fmt::print("{} samples in {}\n", report.samples, config.samples_file->string());
   if (config.results) fmt::print("run {} in {}\n", report.run_id, config.results->string());

@@ -165,8 +165,8 @@ TEST(RoutePlan, ChangesCanWaitUntilBehindAYieldLine) {
   EXPECT_DOUBLE_EQ(short_ring.At(0, 1).change_distance, 100.0);
 }
 
-// Of two lanes that cross a junction only the right one leads on at the next: with 250 m until there, both are
-// used at the first; with 150 m the change must be done before it.
+// Of two lanes that cross a junction only the right one leads on at the next: with 250 m until there, both
+// are used at the first; with 150 m the change must be done before it.
 TEST(RoutePlan, ChangesCanWaitWhereThereIsRoomBehindTheJunction) {
   const auto plan_for = [](double length) {
     NetBuilder net;
