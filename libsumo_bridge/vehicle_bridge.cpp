@@ -313,6 +313,7 @@ void VehicleBridge::Replan(std::size_t row, Traffic* traffic) {
   traffic->route_position[row] = std::max(0, SumoVehicle::getRouteIndex(id));
   coupled_[row].route_id = SumoVehicle::getRouteID(id);
   coupled_[row].route_changed = true;
+  coupled_[row].no_detour = kNone;
 }
 
 void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt,

@@ -103,7 +103,7 @@ class VehicleBridge {
     bool checks_on{false};      // Speed mode 31 is set.
     bool route_changed{false};  // Since the last command.
     bool halted_at_lane_end{false};
-    LaneIndex no_detour{kNone};  // A lane's way is known not to lead back.
+    LaneIndex no_detour{kNone};  // This lane's way is known not to lead back.
     std::int8_t change_commanded{0};
     double change_shift{0.0};        // [m] see Commands.
     LaneIndex expected_lane{kNone};  // Where the command should lead.
