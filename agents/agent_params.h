@@ -40,6 +40,8 @@ struct LaneChangeParams {
   double min_gap{1.0};
   double cooperation_decel{2.0};
   double queue_weight{0.02};
+  double patience{10.0};
+  double max_detour{300.0};
 };
 
 struct ControlParams {
@@ -214,6 +216,14 @@ struct AgentParams {
     field("lane_change.queue_weight", p.lane_change.queue_weight, "m/s^3", Range{0, 1},
           "advantage a second less of queueing ahead gives a lane in an unforced change",
           "fitted on Bologna (joined, Via Saffi)");
+    field("lane_change.patience", p.lane_change.patience, "s", Range{0, 600},
+          "at the end of a lane that leaves the route, a vehicle lets the neighbour lane pass for so long; "
+          "then "
+          "it drives on where its lane leads, and back to its route",
+          "own choice");
+    field("lane_change.max_detour", p.lane_change.max_detour, "s", Range{0, 3600},
+          "unless that takes so much longer at the speed limits; vehicles with planned stops ahead never do",
+          "own choice");
     field("control.speed_kp", p.control.speed_kp, "1/s", Range{0.1, 10}, "PID speed: proportional",
           "[C] PID");
     field("control.speed_ki", p.control.speed_ki, "1/s^2", Range{0, 10}, "PID speed: integral", "[C] PID");

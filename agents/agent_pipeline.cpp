@@ -288,6 +288,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.urgent[i] = tactics.urgent;
   next.since_change[i] = now.since_change[i] + static_cast<float>(dt);
   next.waited[i] = speed < kWalkingSpeed ? now.waited[i] + static_cast<float>(dt) : 0.0f;
+  next.refused[i] = tactics.refused ? now.refused[i] + static_cast<float>(dt)
+                                    : (speed < kWalkingSpeed ? now.refused[i] : 0.0f);
   next.yielded_to[i] = tactics.yielded_to;
   next.rule[i] = rule.state;
 
@@ -296,6 +298,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   commands->passed_on_lane[i] = PassedOnLane(world, i, lane_distance);
   commands->change_lane[i] = tactics.lane_change;
   commands->change_shift[i] = tactics.change_shift;
+  commands->leave_route[i] = tactics.leaves_route;
 }
 
 }  // namespace lanewise

@@ -17,7 +17,7 @@ void MoveAll(std::size_t from, std::size_t to, Columns&... columns) {
 template <class F>
 void WithColumns(Motion& m, F&& f) {
   f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.planned_accel, m.planned_jerk, m.time_gap, m.follows, m.steering_angle, m.x,
-    m.y, m.heading, m.curvature, m.blinker, m.urgent, m.since_change, m.waited, m.yielded_to, m.speed_pid,
+    m.y, m.heading, m.curvature, m.blinker, m.urgent, m.since_change, m.waited, m.refused, m.yielded_to, m.speed_pid,
     m.steering_pid, m.rule);
 }
 
@@ -53,7 +53,7 @@ void Traffic::RemoveRow(std::size_t row) {
 }
 
 void Commands::Resize(std::size_t n) {
-  ResizeAll(n, lane_speed, change_lane, change_shift, emergency, passed_on_lane);
+  ResizeAll(n, lane_speed, change_lane, change_shift, emergency, passed_on_lane, leave_route);
 }
 
 std::size_t AgentStateBytes() {
@@ -62,7 +62,7 @@ std::size_t AgentStateBytes() {
   std::size_t motion = 0, rest = 0;
   WithColumns(traffic.now, [&](auto&... columns) { motion = row_bytes(columns...); });
   WithColumns(traffic, [&](auto&... columns) { rest = row_bytes(columns...); });
-  return 2 * motion + rest + sizeof(double) + sizeof(std::int8_t) + 2 * sizeof(std::uint8_t);
+  return 2 * motion + rest + sizeof(double) + sizeof(std::int8_t) + 3 * sizeof(std::uint8_t);
 }
 
 }  // namespace lanewise

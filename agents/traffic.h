@@ -57,6 +57,7 @@ struct Motion {
   std::vector<std::uint8_t> urgent;      ///< The asked change is needed to follow the route.
   std::vector<float> since_change;       ///< [s] since it joined its lane by a change.
   std::vector<float> waited;             ///< [s] since the vehicle last went at walking speed.
+  std::vector<float> refused;            ///< [s] of Tactics::refused since the vehicle last made way.
   std::vector<std::int32_t> yielded_to;  ///< Vehicle number last let in on this edge; kNone if none.
   std::vector<PidState> speed_pid, steering_pid;
   std::vector<RuleState> rule;
@@ -102,7 +103,8 @@ struct Commands {
   std::vector<double> change_shift;     ///< [m] position on the new lane minus that on the old one.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
   std::vector<std::uint8_t>
-      passed_on_lane;  ///< The front has just passed a standing vehicle of the same lane.
+      passed_on_lane;                     ///< The front has just passed a standing vehicle of the same lane.
+  std::vector<std::uint8_t> leave_route;  ///< Drives on where its lane leads, off its route.
   void Resize(std::size_t n);
 };
 

@@ -659,7 +659,8 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
         "SELECT run_id, scenario, policy, rules, v2x, seed, status, started_at, inserted, trajectory_rows, "
         "state_hash, "
         "arrived, mean_duration_s, mean_time_loss_s, distance_km, co2_kg, co2_g_per_km, hard_braking_count, "
-        "collisions, agent_striking_outside_junctions, collisions_in_junctions, near_misses, min_ttc_s "
+        "collisions, agent_striking_outside_junctions, collisions_in_junctions, near_misses, min_ttc_s, "
+        "(SELECT count FROM audit WHERE audit.run_id = v_run_summary.run_id AND cause = 'detours') "
         "FROM v_run_summary");
     std::vector<RunSummary> runs;
     while (query.executeStep()) {
@@ -689,6 +690,7 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
       run.collisions_in_junctions = Optional<std::int64_t>(next());
       run.near_misses = Optional<std::int64_t>(next());
       run.min_ttc = Optional<double>(next());
+      run.detours = Optional<std::int64_t>(next());
     }
     return runs;
   });
@@ -697,11 +699,11 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
 std::string FormatInfo(const fs::path& path, std::span<const RunSummary> runs) {
   std::vector<std::vector<std::string>> lines = {{"run", "started (UTC)", "status", "scenario", "policy",
                                                   "rules", "v2x", "seed", "inserted", "arrived", "collisions",
-                                                  "near misses", "trajectory rows", "state hash"}};
+                                                  "near misses", "detours", "trajectory rows", "state hash"}};
   for (const RunSummary& run : runs) {
     lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.rules,
                      run.v2x, Cell(run.seed), Cell(run.inserted), Cell(run.arrived), Cell(run.collisions),
-                     Cell(run.near_misses), Cell(run.trajectory_rows), run.state_hash.value_or("-")});
+                     Cell(run.near_misses), Cell(run.detours), Cell(run.trajectory_rows), run.state_hash.value_or("-")});
   }
   return fmt::format("{}: Lanewise results, schema {}, {} run{}\n{}", path.string(), kSchemaVersion,
                      runs.size(), runs.size() == 1 ? "" : "s", FormatTable(lines));
@@ -722,6 +724,7 @@ std::string FormatComparison(std::span<const RunSummary> runs) {
   add("arrived", [](const RunSummary& run) { return Cell(run.arrived); });
   add("mean trip [s]", [](const RunSummary& run) { return Cell(run.mean_duration, 1); });
   add("mean time loss [s]", [](const RunSummary& run) { return Cell(run.mean_time_loss, 1); });
+  add("detours", [](const RunSummary& run) { return Cell(run.detours); });
   add("collisions", [](const RunSummary& run) { return Cell(run.collisions); });
   add("  agent striking, outside junctions",
       [](const RunSummary& run) { return Cell(run.agent_striking_outside_junctions); });

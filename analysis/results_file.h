@@ -253,7 +253,8 @@ struct RunSummary {
   std::optional<std::int64_t> agent_striking_outside_junctions{};
   std::optional<std::int64_t> collisions_in_junctions{};
   std::optional<std::int64_t> near_misses{};
-  std::optional<double> min_ttc{};  ///< [s]
+  std::optional<double> min_ttc{};        ///< [s]
+  std::optional<std::int64_t> detours{};  ///< Of agents, for want of a lane change; nothing: not counted.
 };
 
 /// Runs of a results file in order of their number.

@@ -10,6 +10,7 @@
 
 #include "agents/core/check.h"
 #include "agents/core/random.h"
+#include "agents/network/detour.h"
 #include "agents/sensing/road_view.h"
 #include "libsumo_bridge/sumo_frame.h"
 
@@ -26,7 +27,6 @@ constexpr int kNoChecks = 32;
 constexpr int kSumoLaneChanges = 1621;
 constexpr int kNoLaneChanges = 0;
 
-constexpr double kFar = 1e9;
 constexpr double kDeadEndView = 30.0;   // [m]
 constexpr double kLaneEndZone = 10.0;   // [m]
 constexpr double kStandingSpeed = 0.1;  // [m/s]
@@ -217,6 +217,7 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   now.heading[row] = 0.0;
   now.since_change[row] = 0.0f;
   now.waited[row] = 0.0f;
+  now.refused[row] = 0.0f;
   now.yielded_to[row] = kNone;
   now.rule[row] = {};
   Replan(row, traffic);
@@ -331,6 +332,7 @@ void VehicleBridge::Replan(std::size_t row, Traffic* traffic) {
   traffic->route_position[row] = std::max(0, SumoVehicle::getRouteIndex(id));
   coupled_[row].route_id = SumoVehicle::getRouteID(id);
   coupled_[row].route_changed = true;
+  coupled_[row].no_detour = kNone;
 }
 
 void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double speed, double dt,
@@ -409,14 +411,14 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
   now.s[row] = s;
 
   // Watch for agents that stand at the end of a lane that does not lead on.
-  const bool halts = speed < kStandingSpeed && DistanceToDeadEnd(row, *traffic) < kLaneEndZone;
+  const bool halts = speed < kStandingSpeed && FindDeadEnd(row, *traffic).distance < kLaneEndZone;
   if (halts && !coupled.halted_at_lane_end) ++lane_end_halts_;
   coupled.halted_at_lane_end = halts;
 }
 
-double VehicleBridge::DistanceToDeadEnd(std::size_t row, const Traffic& traffic) const {
+VehicleBridge::DeadEnd VehicleBridge::FindDeadEnd(std::size_t row, const Traffic& traffic) const {
   LaneIndex lane = traffic.now.lane[row];
-  if (lane == kNone || traffic.plan[row] == nullptr) return kFar;
+  if (lane == kNone || traffic.plan[row] == nullptr) return {};
   const RoutePlan& plan = *traffic.plan[row];
   std::size_t position = static_cast<std::size_t>(traffic.route_position[row]);
   double distance = -traffic.now.s[row];
@@ -425,12 +427,34 @@ double VehicleBridge::DistanceToDeadEnd(std::size_t row, const Traffic& traffic)
     const LaneIndex next = NextLane(network_, plan, position, lane);
     if (next == kNone) {
       const bool lost = plan.route()[position] != network_.lanes[lane].edge && !network_.lanes[lane].internal;
-      return lost || position + 1 >= plan.route().size() ? kFar : distance;
+      if (lost || position + 1 >= plan.route().size()) return {};
+      return {lane, position, distance};
     }
     if (!network_.lanes[next].internal) ++position;
     lane = next;
   }
-  return kFar;
+  return {};
+}
+
+void VehicleBridge::TakeDetour(std::size_t row, Traffic* traffic) {
+  Coupled& coupled = coupled_[row];
+  const DeadEnd dead_end = FindDeadEnd(row, *traffic);
+  if (!coupled.stops.empty() || dead_end.lane == kNone || coupled.no_detour == dead_end.lane) return;
+  const auto route = traffic->plan[row]->route();
+  const std::optional<Detour> detour = FindDetour(network_, route, dead_end.position, dead_end.lane,
+                                                  coupled.class_mask, params_.lane_change.max_detour);
+  if (!detour) {
+    coupled.no_detour = dead_end.lane;  // It waits for a gap.
+    return;
+  }
+  std::vector<std::string> edges;
+  for (std::size_t k = static_cast<std::size_t>(traffic->route_position[row]); k < dead_end.position; ++k)
+    edges.push_back(network_.edges[route[k]].id);
+  for (const EdgeIndex edge : detour->route) edges.push_back(network_.edges[edge].id);
+  SumoVehicle::setRoute(records_[row].id, edges);
+  Replan(row, traffic);
+  ++detours_;
+  detour_length_ += detour->extra_length;
 }
 
 void VehicleBridge::Expect(std::size_t row, double speed, int change, double shift, double dt,
@@ -514,7 +538,7 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   const double braking = speed * speed / (2.0 * params_.driving.comfort_decel) + 2.0 * speed;
   // After a stop in a bay or on a bus lane SUMO brings the vehicle to a lane that leads on.
   const bool hand_back = traffic->hazard[row] != 0 || traffic->stop_distance[row] < braking + kStopMargin ||
-                         (coupled.handed_back && DistanceToDeadEnd(row, *traffic) < kDeadEndView);
+                         (coupled.handed_back && FindDeadEnd(row, *traffic).distance < kDeadEndView);
   if (hand_back == coupled.handed_back) return;
   coupled.handed_back = hand_back;
   coupled.commanded = false;
@@ -566,9 +590,11 @@ void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands)
       traffic->next.yielded_to[row] = kNone;
       traffic->next.waited[row] = 0.0f;
       traffic->next.rule[row] = {};
+      traffic->next.refused[row] = 0.0f;
       continue;
     }
     const std::string& id = records_[row].id;
+    if (commands.leave_route[row]) TakeDetour(row, traffic);
     // With checks on SUMO does not brake harder than the type's decel: in an emergency the agent brakes
     // alone.
     SetChecks(row, rules_ == Rules::kSumo && guarded_[row] && !commands.emergency[row]);

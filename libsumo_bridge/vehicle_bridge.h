@@ -77,10 +77,15 @@ class VehicleBridge {
   std::int64_t emergency_stops() const { return emergency_stops_; }
   /// Halts of an agent within 10 m of the end of a lane that does not lead along its route.
   std::int64_t lane_end_halts() const { return lane_end_halts_; }
+  /// Times an agent left its route where its lane led, for want of a lane change, and [m] this took in all.
+  std::int64_t detours() const { return detours_; }
+  double detour_length() const { return detour_length_; }
   /// Vehicles whose departure is due but which found no room yet.
   std::size_t pending() const { return pending_since_.size(); }
 
  private:
+  static constexpr double kFar = 1e9;  // [m]
+
   struct Stop {
     LaneIndex lane;
     double end;  // [m]
@@ -95,6 +100,7 @@ class VehicleBridge {
     bool checks_on{false};      // Speed mode 31 is set.
     bool route_changed{false};  // Since the last command.
     bool halted_at_lane_end{false};
+    LaneIndex no_detour{kNone};  // This lane's way is known not to lead back.
     std::int8_t change_commanded{0};
     double change_shift{0.0};        // [m] see Commands.
     LaneIndex expected_lane{kNone};  // Where the command should lead.
@@ -118,8 +124,15 @@ class VehicleBridge {
   void Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic);
   void Expect(std::size_t row, double speed, int change, double shift, double dt, const Traffic& traffic);
   void SetChecks(std::size_t row, bool on);
-  /// [m] to the end of the first lane on the way that does not lead along the route; huge if none is near.
-  double DistanceToDeadEnd(std::size_t row, const Traffic& traffic) const;
+  /// The first lane on the way that does not lead along the route, if one is near.
+  struct DeadEnd {
+    LaneIndex lane{kNone};
+    std::size_t position{0};  // Of its edge in the route.
+    double distance{kFar};    // [m] to its end.
+  };
+  DeadEnd FindDeadEnd(std::size_t row, const Traffic& traffic) const;
+  /// Gives the vehicle a route that follows the dead end's lane and comes back, if there is one.
+  void TakeDetour(std::size_t row, Traffic* traffic);
   /// Lane changes to the best lane for the vehicle's route: > 0 to the left, < 0 to the right.
   int ChangesNeeded(std::size_t row, const Traffic& traffic) const;
   bool NeedsGuard(std::size_t row, const Traffic& traffic) const;
@@ -147,7 +160,8 @@ class VehicleBridge {
   std::unordered_map<std::string, std::int32_t> person_number_;
   std::unordered_map<std::string, double> pending_since_;  // [s] By vehicle id, until it is inserted.
   CouplingAudit audit_;
-  std::int64_t teleports_{0}, emergency_stops_{0}, lane_end_halts_{0};
+  std::int64_t teleports_{0}, emergency_stops_{0}, lane_end_halts_{0}, detours_{0};
+  double detour_length_{0.0};  // [m]
   std::int64_t step_{0};
 };
 

@@ -91,6 +91,7 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
     table.Row(fmt::format("rules: {}", kRuleEventNames[k]).c_str(), count(theirs), count(ours),
               red ? "0" : standstill ? "<= native" : "", red ? ours == 0 : !standstill || ours <= theirs);
   }
+  table.Row("detours for want of a lane change", "-", count(report.detours), "", true);
   table.Row("near misses (TTC < 1.5 s)", count(n.near_misses.value_or(0)), count(a.near_misses.value_or(0)),
             "", true);
   table.Row("CO2 [g/km]", fmt::format("{:.1f}", n.co2_g_per_km.value_or(0.0)),

@@ -214,8 +214,10 @@ int Report(const RunConfig& config, const RunReport& report) {
                    ? 100.0 * static_cast<double>(share.agent_steps) / static_cast<double>(share.vehicle_steps)
                    : 0.0);
   }
-  fmt::print("audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end\n",
-             audit.different, audit.steps, report.lane_end_halts);
+  fmt::print(
+      "audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end, {} "
+      "detours for want of a lane change ({:.1f} km)\n",
+      audit.different, audit.steps, report.lane_end_halts, report.detours, 1e-3 * report.detour_length);
   if (config.v2x != V2xLevel::kOff) PrintV2x(config, report.v2x);
   const auto events = [&](RuleEventKind kind) { return report.rule_events[static_cast<std::size_t>(kind)]; };
   fmt::print("rules ({}): {} red lights run, {} blocked a junction, {} stood for 300 s, {} forced entries\n",

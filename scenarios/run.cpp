@@ -68,7 +68,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
 }
 
 std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_end_halts,
-                                std::int64_t emergency_stops) {
+                                std::int64_t emergency_stops, std::int64_t detours) {
   std::vector<AuditRow> rows;
   for (std::size_t i = 0; i < kAuditCauses; ++i) {
     const AuditCount& count = audit.by_cause[i];
@@ -77,6 +77,7 @@ std::vector<AuditRow> AuditRows(const CouplingAudit& audit, std::int64_t lane_en
         {std::string(kAuditCauseNames[i]), count.different, count.max_position_error, count.max_speed_error});
   }
   rows.push_back({"lane_end_halts", lane_end_halts, std::nullopt, std::nullopt});
+  rows.push_back({"detours", detours, std::nullopt, std::nullopt});
   rows.push_back({"sumo_emergency_stops", emergency_stops, std::nullopt, std::nullopt});
   return rows;
 }
@@ -208,10 +209,12 @@ RunReport Run(const RunConfig& config) {
   outcome.policy_shares = recorder.policy_shares();
   report.audit = bridge.audit();
   report.lane_end_halts = bridge.lane_end_halts();
+  report.detours = bridge.detours();
+  report.detour_length = bridge.detour_length();
   report.emergency_stops = bridge.emergency_stops();
   for (std::size_t k = 0; k < report.rule_events.size(); ++k)
     report.rule_events[k] = recorder.rules().count(static_cast<RuleEventKind>(k));
-  outcome.audit = AuditRows(report.audit, report.lane_end_halts, report.emergency_stops);
+  outcome.audit = AuditRows(report.audit, report.lane_end_halts, report.emergency_stops, report.detours);
   if (writer) {
     report.run_id = writer->run_id();
     writer->Finish(outcome);

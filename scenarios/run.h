@@ -19,6 +19,8 @@ struct RunReport {
   ChannelCounts v2x;        ///< All zero without V2X.
   std::int64_t run_id{0};  ///< In the results file; 0 without one.
   std::int64_t lane_end_halts{0};
+  std::int64_t detours{0};    ///< See VehicleBridge.
+  double detour_length{0.0};  ///< [m]
   std::int64_t emergency_stops{0};
   std::int64_t samples{0};    ///< Sector-scan samples recorded.
   std::array<std::int64_t, std::size(kRuleEventNames)> rule_events{};  ///< By RuleEventKind.

@@ -36,11 +36,6 @@ std::int32_t LinkPriority(const Connection& connection) {
   return MustYield(connection) ? 0 : 1;
 }
 
-bool MayUse(const Lane& lane, VehicleClassMask vehicle_class) {
-  // An "ignoring" vehicle may drive even where every class is forbidden.
-  return vehicle_class == kAllVehicleClasses || (lane.allowed & vehicle_class) != 0;
-}
-
 /// [m] of internal lanes a connection crosses.
 double InternalLength(const RoadNetwork& network, LaneIndex via) {
   double length = 0.0;
@@ -125,14 +120,16 @@ LaneAdvice Advise(const RoadNetwork& network, const Lane& lane, const NextEdge& 
   return advice;
 }
 
-/// Can the changes of a lane wait? Behind a link that has to yield the traffic has gaps to change into, and
-/// who queues there on all lanes instead of the best one gets by in half the time.
+/// Can the changes of a lane wait until behind the junction? Who queues on all lanes there instead of the
+/// best one gets by in half the time. Behind a link that has to yield the traffic has gaps to change into;
+/// behind another one they must be found.
 bool CanWait(const RoadNetwork& network, const LaneAdvice& advice, const NextEdge& next) {
-  constexpr double kRoomBehind = 20.0;  // [m] behind the link.
+  constexpr double kRoomBehindYielding = 20.0, kRoomBehind = 200.0;  // [m] behind the link, per change.
   if (advice.connection == kNone || advice.changes == 0) return false;
   const LaneAdvice& there = next.advice[network.lanes[advice.next].index];
+  if (there.can_wait || there.changes == 0) return there.can_wait;
   const bool yields = MustYield(network.connections[advice.connection]);
-  return there.can_wait || (yields && there.changes != 0 && there.change_distance > kRoomBehind);
+  return there.change_distance > (yields ? kRoomBehindYielding : std::abs(there.changes) * kRoomBehind);
 }
 
 /// Edges as short as the pieces of a roundabout between two of its entries leave no time to change lanes.

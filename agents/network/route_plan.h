@@ -8,6 +8,12 @@
 
 namespace lanewise {
 
+/// May a vehicle of this class drive on the lane?
+inline bool MayUse(const Lane& lane, VehicleClassMask vehicle_class) {
+  // An "ignoring" vehicle may drive even where every class is forbidden.
+  return vehicle_class == kAllVehicleClasses || (lane.allowed & vehicle_class) != 0;
+}
+
 /// What a route asks of one lane of one of its edges.
 struct LaneAdvice {
   std::int32_t changes{

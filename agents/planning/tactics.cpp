@@ -39,6 +39,9 @@ constexpr double kLeastTurn = 0.25;
 constexpr double kWidening = 0.4, kAimAhead = 1.1;
 /// [m] by which it turns wider, and cuts in, at most.
 constexpr double kMaxWidening = 2.0, kMaxCut = 5.0;
+/// [m] before its lane's end, and [m/s], at which a vehicle that has found no gap drives on where the lane
+/// leads.
+constexpr double kLastChance = 12.0, kLastChanceSpeed = 1.0;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -386,7 +389,12 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     if (neighbor != kNone && !too_late && CanTurnOut(leader) &&
         GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
       Join(ego, neighbor, needed.side, tactics);
+      return;
     }
+    // Before a red light nobody is held up.
+    const bool moves = (beside.ahead.row != kNone && beside.ahead.speed > kWalkingSpeed) ||
+                       (beside.behind.row != kNone && beside.behind.speed > kWalkingSpeed);
+    tactics->refused = moves && ego.speed < kWalkingSpeed && leader.gap > needed.remaining;
     return;
   }
 
@@ -459,6 +467,10 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
   if (tactics.target_d == 0.0) tactics.target_d = KeepToKerb(ego, way);
   if (tactics.lane_change == 0) LetIn(ego, way, leader, &tactics);
   if (!way.leads_on) {
+    // Who gets no gap does not stand in the way of those behind for long.
+    tactics.leaves_route =
+        tactics.lane_change == 0 && ego.speed < kLastChanceSpeed &&
+        (way.length < kLastChance || traffic.now.refused[row] > params.lane_change.patience);
     tactics.speed_cap =
         std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));
   }

@@ -15,6 +15,9 @@ struct Tactics {
   double change_shift{0.0};    ///< [m] position on the lane joined minus that on the present one.
   std::int8_t blinker{0};
   bool urgent{false};
+  bool refused{false};  ///< Stands for want of a gap while the lane beside it moves.
+  /// Takes the way its lane leads, for want of the lane change its route needs.
+  bool leaves_route{false};
   std::int32_t yielded_to{kNone};
 };
 

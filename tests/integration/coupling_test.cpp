@@ -288,6 +288,29 @@ TEST(Coupling, ReroutedVehiclesArrive) {
   EXPECT_EQ(rerouted, 10);
 }
 
+// It stands 9 m before the end of the lane for "straight" and must turn left, but beside it stands a lorry.
+// So it drives on and comes back to its route round the blocks, unless that takes too long.
+TEST(Coupling, WhoMissesItsLaneMakesADetour) {
+  const TemporaryFolder folder;
+  const auto routes = folder.Write("missed.rou.xml", R"(<routes>
+    <vType id="agent"><param key="lanewise.policy" value="dwa"/></vType><vType id="lorry" length="20"/>
+    <vehicle id="beside" type="lorry" depart="0" departLane="1" departPos="130">
+      <route edges="A3_B3 B3_C3 B3_C3_turn C3_D3"/></vehicle>
+    <vehicle id="v" type="agent" depart="0" departLane="0" departPos="122">
+      <route edges="A3_B3 B3_B4 B4_B5"/></vehicle></routes>)");
+  RunConfig config = OwnDemand("town", routes, Policy::kSumo, 400.0);
+  const RunReport report = RunResolved(config);
+  EXPECT_EQ(report.outcome.arrived, 2);
+  EXPECT_EQ(report.detours, 1);
+  EXPECT_GT(report.detour_length, 100.0);
+  EXPECT_EQ(report.lane_end_halts, 0);
+  EXPECT_EQ(MidBlock(report).different, 0);
+  config.params.lane_change.max_detour = 5.0;
+  const RunReport waits = RunResolved(config);
+  EXPECT_EQ(waits.outcome.arrived, 2);
+  EXPECT_EQ(waits.detours, 0);
+}
+
 // Lanes of one edge may begin at different places: a change goes to the place abeam, without a jump.
 TEST(Coupling, AChangeBetweenShiftedLanesIsNoJump) {
   const TemporaryFolder folder;

@@ -121,7 +121,7 @@ void WriteSmallRun(const fs::path& path, const std::string& policy) {
   outcome.inserted = 2;
   outcome.arrived = 1;
   outcome.state_hash = 0xABCDEF;
-  outcome.audit = {{"speed", 3, std::nullopt, 0.25}};
+  outcome.audit = {{"speed", 3, std::nullopt, 0.25}, {"detours", 4, std::nullopt, std::nullopt}};
   outcome.policy_shares = {{policy, 1, 10, 10}, {"sumo", 1, 10, 0}};
   writer.Finish(outcome);
 }
@@ -150,7 +150,7 @@ TEST_F(ResultsFileTest, StoresARunAndSumsItUp) {
   EXPECT_EQ(run.state_hash, "0000000000abcdef");
   EXPECT_EQ(Value(path_, "SELECT vehicle_id FROM vehicle WHERE vehicle_number = 1"), "b's");
   EXPECT_EQ(Value(path_, "SELECT lane_id FROM lane WHERE lane = 3"), "e0_0");
-  EXPECT_EQ(Value(path_, "SELECT max_speed_error_mps FROM audit"), "0.25");
+  EXPECT_EQ(Value(path_, "SELECT max_speed_error_mps FROM audit WHERE cause = 'speed'"), "0.25");
   EXPECT_EQ(Value(path_, "SELECT COUNT(*) FROM policy_share"), "2");
   EXPECT_EQ(Value(path_, "SELECT x_m FROM trajectory WHERE vehicle_number = 3 AND time_s = 0.0"), "3.75");
 }
@@ -165,7 +165,7 @@ TEST_F(ResultsFileTest, StoresTheUndefinedAsNull) {
   EXPECT_EQ(Value(path_, "SELECT struck_vehicle FROM collision WHERE collision_id = 1"), "1");
   EXPECT_EQ(Value(path_, "SELECT first_lane FROM collision WHERE collision_id = 1"), "NULL");
   EXPECT_EQ(Value(path_, "SELECT mean_speed_mps FROM step_summary"), "NULL");
-  EXPECT_EQ(Value(path_, "SELECT max_position_error_m FROM audit"), "NULL");
+  EXPECT_EQ(Value(path_, "SELECT max_position_error_m FROM audit WHERE cause = 'speed'"), "NULL");
   EXPECT_EQ(Value(path_, "SELECT COUNT(*) FROM trajectory WHERE lane IS NULL AND lane_pos_m IS NULL"), "500");
 }
 
@@ -211,6 +211,7 @@ TEST_F(ResultsFileTest, FormatsInfoAndComparison) {
             "arrived                                     1       0\n"
             "mean trip [s]                           100.0       -\n"
             "mean time loss [s]                       20.0       -\n"
+            "detours                                     4       -\n"
             "collisions                                  2       0\n"
             "  agent striking, outside junctions         1       0\n"
             "  in junctions                              1       0\n"

@@ -2,42 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <string>
+
+#include "tests/support/net_builder.h"
 
 namespace lanewise {
 namespace {
-
-/// Builds a network of edges by hand; no files, no shapes.
-class NetBuilder {
- public:
-  NetBuilder& AddEdge(const std::string& id, int lane_count, double length) {
-    network.edges.push_back(
-        {.id = id, .first_lane = static_cast<LaneIndex>(network.lanes.size()), .lane_count = lane_count});
-    for (int i = 0; i < lane_count; ++i) {
-      Lane lane;
-      lane.id = id + "_" + std::to_string(i);
-      lane.edge = static_cast<EdgeIndex>(network.edges.size()) - 1;
-      lane.index = i;
-      lane.length = length;
-      network.lane_by_id[lane.id] = static_cast<LaneIndex>(network.lanes.size());
-      network.lanes.push_back(lane);
-    }
-    return *this;
-  }
-
-  NetBuilder& Connect(const std::string& from, const std::string& to, const std::string& via = "") {
-    Connection connection{.from = network.FindLane(from), .to = network.FindLane(to)};
-    if (!via.empty()) connection.via = network.FindLane(via);
-    network.lanes[connection.from].outgoing.push_back(static_cast<std::int32_t>(network.connections.size()));
-    network.connections.push_back(connection);
-    return *this;
-  }
-
-  Lane& At(const std::string& id) { return network.lanes[network.FindLane(id)]; }
-
-  RoadNetwork network;
-};
 
 const VehicleClassMask kCar = VehicleClassBit("passenger");
 constexpr double kBeyond = 1e6;  // What the last edge adds.
@@ -193,6 +163,21 @@ TEST(RoutePlan, ChangesCanWaitUntilBehindAYieldLine) {
   const RoutePlan short_ring = plan_for('m', 4.0);
   EXPECT_FALSE(short_ring.At(0, 1).can_wait);
   EXPECT_DOUBLE_EQ(short_ring.At(0, 1).change_distance, 100.0);
+}
+
+// Of two lanes that cross a junction only the right one leads on at the next: with 250 m until there, both
+// are used at the first; with 150 m the change must be done before it.
+TEST(RoutePlan, ChangesCanWaitWhereThereIsRoomBehindTheJunction) {
+  const auto plan_for = [](double length) {
+    NetBuilder net;
+    net.AddEdge("a", 2, 100.0).AddEdge("b", 2, length).AddEdge("c", 1, 80.0);
+    net.Connect("a_0", "b_0").Connect("a_1", "b_1").Connect("b_0", "c_0");
+    return RoutePlan(net.network, {0, 1, 2}, kCar);
+  };
+  EXPECT_TRUE(plan_for(250.0).At(0, 1).can_wait);
+  EXPECT_FALSE(plan_for(250.0).At(0, 0).can_wait);  // It needs no change.
+  EXPECT_FALSE(plan_for(250.0).At(1, 1).can_wait);
+  EXPECT_FALSE(plan_for(150.0).At(0, 1).can_wait);
 }
 
 TEST(RoutePlan, EmptyRoute) {

@@ -72,6 +72,34 @@ TEST_F(TacticsTest, ARefusedNeededChangeLimitsTheSpeed) {
   EXPECT_LT(scene_.Decide(0).speed_cap, 12.0);
 }
 
+// Nearly standing at its lane's end without a gap it drives on where the lane leads, to "c"; while it still
+// moves, or when it has the gap, it does not.
+TEST_F(TacticsTest, WhoWouldHaltAtItsLanesEndLeavesItsRoute) {
+  scene_.Add({"a", "b"}, 0, 392.0, 0.8);
+  scene_.Add({"a", "b"}, 1, 393.0, 0.8);
+  EXPECT_TRUE(scene_.Decide(0).leaves_route);
+  scene_.traffic().now.speed[0] = 2.0;
+  EXPECT_FALSE(scene_.Decide(0).leaves_route);
+  scene_.traffic().now.speed[0] = 0.8;
+  scene_.traffic().now.s[1] = 370.0;
+  EXPECT_EQ(scene_.Decide(0).lane_change, 1);
+  EXPECT_FALSE(scene_.Decide(0).leaves_route);
+}
+
+// Where it stops for a gap, further back, its patience ends only while the lane beside it moves.
+TEST_F(TacticsTest, PatienceEndsWhileOthersPass) {
+  scene_.Add({"a", "b"}, 0, 385.0, 0.0);
+  scene_.Add({"a", "b"}, 1, 384.0, 5.0);
+  AgentParams params;
+  params.lane_change.patience = 10.0;
+  EXPECT_TRUE(scene_.Decide(0, params).refused);
+  EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
+  scene_.traffic().now.refused[0] = 11.0f;
+  EXPECT_TRUE(scene_.Decide(0, params).leaves_route);
+  scene_.traffic().now.speed[1] = 0.0;
+  EXPECT_FALSE(scene_.Decide(0, params).refused);
+}
+
 // 20 m before the fork (only near the lane's end does one let in).
 // We are on the left lane; the car 15 m ahead on the right lane must come over and says so. We let it in:
 // braking no harder than cooperation_decel.
