@@ -97,6 +97,27 @@ struct OpenRoadParams {
   double pursuit_distance{1.0};
 };
 
+/// The radio channel between vehicles and with roadside units; `--v2x` says how much of it there is.
+struct V2xParams {
+  double share{1.0};
+  double range{300.0};
+  double loss{0.0};
+  double fading_range{400.0};
+  double latency_min{0.005};
+  double latency_mean{0.02};
+  double latency_max{0.3};
+  double position_noise{1.0};
+  double carrier_sense_range{450.0};
+  double message_bytes{350.0};
+  double bitrate{6e6};
+  double memory{2.0};
+  double cam_min_interval{0.1};
+  double cam_max_interval{1.0};
+  double cam_heading{0.06981317007977318};
+  double cam_position{4.0};
+  double cam_speed{0.5};
+};
+
 /// Every parameter of the agents. The Visit table is the only declaration of name, unit, range,
 /// meaning and source.
 struct AgentParams {
@@ -108,6 +129,7 @@ struct AgentParams {
   SectorParams sector;
   ApfParams apf;
   OpenRoadParams open_road;
+  V2xParams v2x;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
@@ -247,6 +269,42 @@ struct AgentParams {
           "the front bumper aims at the point of the way this far ahead", "pure pursuit, Coulter 1992");
     field("open_road.pursuit_distance", p.open_road.pursuit_distance, "m", Range{0.2, 20},
           "and at least so far", "pure pursuit, Coulter 1992");
+    field("v2x.share", p.v2x.share, "-", Range{0, 1},
+          "share of vehicles that carry a radio, whoever drives them; drawn by vehicle id and seed, so a "
+          "higher share contains the vehicles of a lower one",
+          "own choice: all");
+    field("v2x.range", p.v2x.range, "m", Range{0, 2000}, "nothing arrives from farther away",
+          "own choice, within what field tests of ITS-G5 show in towns");
+    field("v2x.loss", p.v2x.loss, "-", Range{0, 1}, "share of messages lost whatever the distance",
+          "own choice: none");
+    field("v2x.fading_range", p.v2x.fading_range, "m", Range{1, 5000},
+          "distance at which the mean power is what a receiver needs: there 42 % arrive, at half of it 96 %",
+          "Killat, Hartenstein 2009, Nakagami m = 3; the distance: own choice");
+    field("v2x.latency_min", p.v2x.latency_min, "s", Range{0, 10}, "least time until a message is known",
+          "own choice");
+    field("v2x.latency_mean", p.v2x.latency_mean, "s", Range{0, 10},
+          "mean time, but for the cut: the excess over the least is exponential", "own choice");
+    field("v2x.latency_max", p.v2x.latency_max, "s", Range{0, 10}, "the longest time", "own choice");
+    field("v2x.position_noise", p.v2x.position_noise, "m", Range{0, 100},
+          "standard deviation of a sender's own position, in x and in y, cut off at four",
+          "own choice, satellite positioning with correction data");
+    field("v2x.carrier_sense_range", p.v2x.carrier_sense_range, "m", Range{1, 5000},
+          "senders within it keep the channel busy", "own choice: 1.5 times the range");
+    field("v2x.message_bytes", p.v2x.message_bytes, "B", Range{1, 2304}, "size of a CAM on the air",
+          "C2C-CC, Survey on ITS-G5 CAM statistics, 2018: mean 350");
+    field("v2x.bitrate", p.v2x.bitrate, "bit/s", Range{3e6, 27e6}, "of the channel",
+          "ETSI TS 102 687: 6 Mbit/s by default");
+    field("v2x.memory", p.v2x.memory, "s", Range{0.1, 60}, "older messages are forgotten", "own choice");
+    field("v2x.cam_min_interval", p.v2x.cam_min_interval, "s", Range{0.01, 10},
+          "T_GenCamMin: no two CAMs of a vehicle are nearer", "ETSI EN 302 637-2, 6.1.3");
+    field("v2x.cam_max_interval", p.v2x.cam_max_interval, "s", Range{0.01, 10},
+          "T_GenCamMax: a vehicle in which nothing changes sends so often", "ETSI EN 302 637-2, 6.1.3");
+    field("v2x.cam_heading", p.v2x.cam_heading, "rad", Range{0, 6.3},
+          "change of heading since the last CAM that triggers one", "ETSI EN 302 637-2, 6.1.3: 4 deg");
+    field("v2x.cam_position", p.v2x.cam_position, "m", Range{0, 1000}, "likewise of position",
+          "ETSI EN 302 637-2, 6.1.3");
+    field("v2x.cam_speed", p.v2x.cam_speed, "m/s", Range{0, 100}, "likewise of speed",
+          "ETSI EN 302 637-2, 6.1.3");
   }
 };
 

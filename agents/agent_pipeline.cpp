@@ -133,7 +133,12 @@ double CurvatureAhead(const World& world, AgentIndex i, const WayAhead& way, dou
 
 AgentPipeline::AgentPipeline(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
                              const AgentParams& params)
-    : network_(network), curves_(curves), params_(params), occupancy_(network), avoider_(network, params) {
+    : network_(network),
+      curves_(curves),
+      params_(params),
+      occupancy_(network),
+      avoider_(network, params),
+      channel_(network, params.v2x) {
   for (int t = 0; t < omp_get_max_threads(); ++t) scratch_.push_back(std::make_unique<PlanScratch>());
 }
 
@@ -165,8 +170,9 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   grid_.Build(center_x_, center_y_);
   occupancy_.Build(*traffic);
   avoider_.BeginStep(*traffic);
-  const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_};
+  const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_, &channel_};
   commands->Resize(n);
+  channel_.Exchange(dt, *traffic);
 #pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
   for (std::size_t i = 0; i < traffic->vehicle_count; ++i) {
     if (!traffic->driven[i]) continue;
@@ -257,6 +263,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.speed[i] = next_speed;
   next.accel[i] = (next_speed - speed) / dt;
   next.speed_ref[i] = std::max(0.0, speed + plan.accel * dt);
+  next.planned_accel[i] = plan.accel;
   next.steering_angle[i] = steering;
   const double lane_distance = LaneDistance(world, way, now.s[i], progress);
   next.s[i] = now.s[i] + lane_distance;

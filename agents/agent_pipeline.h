@@ -11,6 +11,7 @@
 #include "agents/sensing/lane_occupancy.h"
 #include "agents/sensing/spatial_grid.h"
 #include "agents/traffic.h"
+#include "agents/v2x/channel.h"
 
 namespace lanewise {
 
@@ -30,6 +31,8 @@ class AgentPipeline {
   const AgentParams& params() const { return params_; }
   /// Networks and seed of the policies that see by lidar.
   Avoider& avoider() { return avoider_; }
+  /// Messages between vehicles and with roadside units; closed until it is opened.
+  Channel& channel() { return channel_; }
 
  private:
   void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
@@ -41,6 +44,7 @@ class AgentPipeline {
   LaneOccupancy occupancy_;
   SpatialGrid grid_{20.0};
   Avoider avoider_;
+  Channel channel_;
   std::vector<double> center_x_, center_y_;
   std::vector<std::unique_ptr<PlanScratch>> scratch_;  // By thread.
 };

@@ -16,15 +16,16 @@ void MoveAll(std::size_t from, std::size_t to, Columns&... columns) {
 /// Calls f with every column of a Motion.
 template <class F>
 void WithColumns(Motion& m, F&& f) {
-  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.steering_angle, m.x, m.y, m.heading,
-    m.curvature, m.blinker, m.urgent, m.since_change, m.waited, m.yielded_to, m.speed_pid, m.steering_pid);
+  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.planned_accel, m.steering_angle, m.x,
+    m.y, m.heading, m.curvature, m.blinker, m.urgent, m.since_change, m.waited, m.yielded_to, m.speed_pid,
+    m.steering_pid);
 }
 
 /// Calls f with every column of Traffic but its motions.
 template <class F>
 void WithColumns(Traffic& t, F&& f) {
-  f(t.number, t.policy, t.params, t.plan, t.route_position, t.driven, t.hazard, t.stop_distance, t.stop_lane,
-    t.speed_limit);
+  f(t.number, t.id_hash, t.vehicle_class, t.policy, t.params, t.plan, t.route_position, t.driven, t.hazard,
+    t.stop_distance, t.stop_lane, t.speed_limit);
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ struct Motion {
   std::vector<double> accel;          ///< [m/s^2] realised by the powertrain.
   std::vector<double>
       speed_ref;  ///< [m/s] the plan's speed for this moment; the speed PID works on the difference.
+  std::vector<double> planned_accel;     ///< [m/s^2] the last plan's; what SUMO drives: as `accel`.
   std::vector<double> steering_angle;    ///< [rad] realised at the road wheel.
   std::vector<double> x, y, heading;     ///< World pose of the front bumper's middle [m, m, rad].
   std::vector<double> curvature;         ///< [1/m] of the reference path at s.
@@ -46,7 +47,9 @@ struct Motion {
 struct Traffic {
   std::size_t vehicle_count{0};
   // Set once per vehicle.
-  std::vector<std::int32_t> number;  ///< Running number in the run: key in the results.
+  std::vector<std::int32_t> number;    ///< Running number in the run: key in the results.
+  std::vector<std::uint64_t> id_hash;  ///< HashText of SUMO's id: what the vehicle's draws depend on.
+  std::vector<VehicleClassMask> vehicle_class;
   std::vector<Policy> policy;
   std::vector<VehicleParams> params;
   std::vector<const RoutePlan*> plan;  ///< Null for vehicles without a road route (rail, ships) and persons.

@@ -186,6 +186,8 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   coupled.class_mask = VehicleClassBit(record.vehicle_class);
 
   traffic->number[row] = next_number_++;
+  traffic->id_hash[row] = HashText(id);
+  traffic->vehicle_class[row] = coupled.class_mask;
   traffic->params[row] = ReadParams(id, record.vehicle_class);
   traffic->policy[row] = PolicyOf(id, record.type, record.vehicle_class);
   traffic->driven[row] = 0;
@@ -332,6 +334,7 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
   now.accel[row] = fresh ? 0.0 : (speed - traffic->next.speed[row]) / dt;
   now.speed[row] = speed;
   now.speed_ref[row] = speed;
+  now.planned_accel[row] = now.accel[row];
   now.steering_angle[row] = 0.0;
   now.curvature[row] = point.curvature;
   now.speed_pid[row] = now.steering_pid[row] = {};

@@ -33,7 +33,7 @@ constexpr int kOk = 0, kFailed = 1, kBadInput = 2, kInterrupted = 130;
 
 /// What `run`, `demo` and `bench city` share, as text: checked by Finish.
 struct RunOptions {
-  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, results, params_file,
+  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, v2x{"off"}, results, params_file,
       output_folder, samples_file, safety{"full"};
   std::vector<std::string> assignments;
   std::optional<double> end;
@@ -65,6 +65,12 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
       ->capture_default_str();
   app->add_option("--rules", o->rules,
                   "who answers for signals and right of way: sumo (its checks guard the junctions)")
+      ->capture_default_str();
+  app->add_option(
+         "--v2x", o->v2x,
+         "radio between vehicles: off, ideal (everybody hears everybody at once), range (within "
+         "v2x.range),\nlossy (latency, loss by distance, noise of positions too), loaded (loss by the "
+         "channel's load too).\nWhich vehicles carry one: --set v2x.share")
       ->capture_default_str();
   app->add_option("--seed", o->config.seed, "SUMO's random seed")->capture_default_str();
   app->add_option("-e,--end", o->end,
@@ -121,6 +127,7 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   config.policy = ParsePolicy(o->policy, "--policy");
   if (o->rules != "sumo")
     throw ConfigError(fmt::format("--rules: unknown value '{}'; allowed: sumo", o->rules));
+  config.v2x = ParseV2xLevel(o->v2x, "--v2x");
   config.safety_level = ParseSafetyLevel(o->safety);
   config.end = o->end;
   if (!o->results.empty()) config.results = o->results;

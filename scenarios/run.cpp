@@ -141,6 +141,7 @@ RunReport Run(const RunConfig& config) {
   Commands commands;
   AgentPipeline pipeline(network, curves, effective.params);
   pipeline.avoider().SetSeed(static_cast<std::uint64_t>(effective.seed));
+  pipeline.channel().Open(effective.v2x, static_cast<std::uint64_t>(effective.seed));
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
                        {effective.penetration, effective.seed});
   const double dt = session.step_length();

@@ -207,6 +207,7 @@ void Resolve(RunConfig* config) {
         fmt::format("parameter 'safety.event_after' is {} s; allowed: at most safety.separation_time, {} s",
                     safety.event_after, safety.separation_time));
   }
+  CheckV2xParams(config->params.v2x);
   if (config->samples_file) {
     check("--samples-period", config->samples.period, config->step_length, 86400, "s");
     check("--samples-horizon", config->samples.horizon, config->step_length, 60, "s");
@@ -293,6 +294,7 @@ std::vector<std::string> RepeatArguments(const RunConfig& config) {
   add("--policy", std::string(kPolicyNames[static_cast<std::size_t>(config.policy)]));
   add("--penetration", fmt::format("{}", config.penetration));
   add("--rules", std::string(kRulesNames[static_cast<std::size_t>(config.rules)]));
+  add("--v2x", std::string(kV2xLevelNames[static_cast<std::size_t>(config.v2x)]));
   add("--seed", fmt::format("{}", config.seed));
   if (config.end) add("--end", fmt::format("{}", *config.end));
   add("--step-length", fmt::format("{}", config.step_length));

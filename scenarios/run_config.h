@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "agents/agent_params.h"
+#include "agents/v2x/channel.h"
 #include "analysis/safety_monitor.h"
 #include "libsumo_bridge/vehicle_bridge.h"
 #include "scenarios/sample_recorder.h"
@@ -23,6 +24,7 @@ struct RunConfig {
   Policy policy{Policy::kDwa};
   double penetration{1.0};  ///< Share of vehicles given the policy; 0 to 1.
   Rules rules{Rules::kSumo};
+  V2xLevel v2x{V2xLevel::kOff};  ///< How much of a radio channel there is.
   std::int64_t seed{23423};                      ///< SUMO's default seed.
   std::optional<double> end;                     ///< [s]; nothing: the .sumocfg's, or until all have arrived.
   double step_length{0.1};                       ///< [s]

@@ -16,7 +16,10 @@ enum class RandomPurpose : std::uint64_t {
   kInitialWeights = 17,
   kRandomNodes = 18,
   kTrainingOrder = 19,
-  kPenetration = 32
+  kPenetration = 32,
+  kRadioShare = 33,
+  kRadioDelivery = 34,
+  kRadioPosition = 35
 };
 
 /// SplitMix64's finaliser (Steele, Lea, Flood 2014): 64 well-mixed bits of a counter.

@@ -14,6 +14,8 @@
 
 namespace lanewise {
 
+class Channel;
+
 /// Read-only world of one step, shared by all agents.
 struct World {
   const RoadNetwork* network;
@@ -22,6 +24,7 @@ struct World {
   const LaneOccupancy* occupancy;
   const SpatialGrid* grid;                     ///< Over the middles of all road users.
   std::span<const double> center_x, center_y;  ///< [m] by row.
+  const Channel* channel{nullptr};             ///< What was told over the radio.
 };
 
 /// One lane of the way ahead.

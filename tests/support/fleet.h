@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "agents/agent_pipeline.h"
+#include "agents/core/random.h"
 #include "agents/sensing/road_view.h"
 
 namespace lanewise {
@@ -29,6 +30,8 @@ class Fleet {
     const std::size_t row = traffic.vehicle_count++;
     traffic.Resize(traffic.vehicle_count);
     traffic.number[row] = static_cast<std::int32_t>(row);
+    traffic.id_hash[row] = HashText(std::to_string(row));
+    traffic.vehicle_class[row] = VehicleClassBit("passenger");
     traffic.policy[row] = policy;
     traffic.params[row] = vehicle;
     AxlesAndActuators("passenger", &traffic.params[row]);

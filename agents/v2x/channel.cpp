@@ -1,0 +1,382 @@
+#include "agents/v2x/channel.h"
+
+#include <fmt/ranges.h>
+#include <omp.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "agents/core/check.h"
+#include "agents/core/geometry.h"
+#include "agents/v2x/radio.h"
+
+namespace lanewise {
+namespace {
+
+/// Below this many stations a step runs on one thread.
+constexpr std::size_t kMinParallelStations = 64;
+/// CAMs sent for want of change after which T_GenCam goes back to its maximum: N_GenCam, default and maximum
+/// (EN 302 637-2 V1.4.1, 6.1.3).
+constexpr std::int32_t kMaxUnchangedCams = 3;
+/// [s] over which the busy share of the channel is measured (ETSI TS 102 687 V1.2.1).
+constexpr double kBusyWindow = 0.1;
+constexpr double kTimeTolerance = 1e-9;  // [s]
+constexpr double kCellSize = 100.0;      // [m]
+
+}  // namespace
+
+V2xLevel ParseV2xLevel(std::string_view name, std::string_view origin) {
+  for (std::size_t i = 0; i < std::size(kV2xLevelNames); ++i) {
+    if (kV2xLevelNames[i] == name) return static_cast<V2xLevel>(i);
+  }
+  throw ConfigError(
+      fmt::format("{}: unknown level '{}'; allowed: {}", origin, name, fmt::join(kV2xLevelNames, ", ")));
+}
+
+void CheckV2xParams(const V2xParams& p) {
+  const auto at_most = [](const char* name, double value, const char* other, double limit, const char* unit) {
+    if (value > limit) {
+      throw ConfigError(fmt::format("parameter '{}' is {} {}; allowed: at most {}, {} {}", name, value, unit,
+                                    other, limit, unit));
+    }
+  };
+  at_most("v2x.latency_min", p.latency_min, "v2x.latency_mean", p.latency_mean, "s");
+  at_most("v2x.latency_mean", p.latency_mean, "v2x.latency_max", p.latency_max, "s");
+  at_most("v2x.latency_max", p.latency_max, "v2x.memory", p.memory, "s");
+  at_most("v2x.cam_min_interval", p.cam_min_interval, "v2x.cam_max_interval", p.cam_max_interval, "s");
+  at_most("v2x.range", p.range, "v2x.carrier_sense_range", p.carrier_sense_range, "m");
+}
+
+Channel::Channel(const RoadNetwork& network, const V2xParams& params)
+    : network_(network),
+      params_(params),
+      grid_(kCellSize),
+      scratch_(static_cast<std::size_t>(omp_get_max_threads())) {}
+
+void Channel::Open(V2xLevel level, std::uint64_t seed) {
+  level_ = level;
+  seed_ = seed;
+}
+
+StationId Channel::AddRoadsideUnit(double x, double y, std::string_view name) {
+  const StationId id = RoadsideStation(static_cast<std::int32_t>(roadside_slot_.size()));
+  const std::size_t slot = Enroll(id, HashText(name));
+  roadside_slot_.push_back(slot);
+  Station& station = stations_[slot];
+  station.equipped = station.on_air = true;
+  station.x = x;
+  station.y = y;
+  return id;
+}
+
+void Channel::Post(StationId unit, std::uint64_t payload, double bytes) {
+  posted_.push_back({unit, payload, bytes});
+}
+
+void Channel::Exchange(double dt, const Traffic& traffic) {
+  if (!open()) return;
+  ++step_;
+  dt_ = dt;
+  const auto memory = static_cast<std::int32_t>(std::floor(params_.memory / dt + kTimeTolerance));
+  oldest_ = step_ - memory;
+  log_.resize(static_cast<std::size_t>(memory) + 1);
+  counts_.age_histogram.resize(log_.size());
+  // The team may have grown since.
+  if (scratch_.size() < static_cast<std::size_t>(omp_get_max_threads()))
+    scratch_.resize(static_cast<std::size_t>(omp_get_max_threads()));
+  for (Scratch& scratch : scratch_) scratch.counts.age_histogram.resize(log_.size());
+  EnrollVehicles(traffic);
+  Generate(dt, traffic);
+  if (level_ != V2xLevel::kIdeal) {
+    grid_.Build(sender_x_, sender_y_);
+    const std::span<const AgentIndex> items = grid_.items();
+    slot_x_.resize(items.size());
+    slot_y_.resize(items.size());
+    for (std::size_t k = 0; k < items.size(); ++k) {
+      slot_x_[k] = sender_x_[items[k]];
+      slot_y_[k] = sender_y_[items[k]];
+    }
+#pragma omp parallel for schedule(dynamic, 16) if (stations_.size() >= kMinParallelStations)
+    for (std::size_t k = 0; k < stations_.size(); ++k) {
+      if (stations_[k].on_air) Receive(dt, &stations_[k], &scratch_[omp_get_thread_num()]);
+    }
+  }
+  Gather();
+}
+
+std::size_t Channel::Enroll(StationId id, std::uint64_t key) {
+  std::size_t slot = stations_.size();
+  if (free_.empty()) {
+    stations_.emplace_back();
+  } else {
+    slot = free_.back();
+    free_.pop_back();
+  }
+  Station& station = stations_[slot];
+  station.id = id;
+  station.key = key;
+  station.busy = 0.0;
+  station.cam = {};
+  station.cam.t_gen_cam = params_.cam_max_interval;
+  station.inbox.Clear();
+  station.latest = {};
+  return slot;
+}
+
+void Channel::EnrollVehicles(const Traffic& traffic) {
+  for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
+    const auto number = static_cast<std::size_t>(traffic.number[row]);
+    if (number >= vehicle_slot_.size()) vehicle_slot_.resize(number + 1, kNone);
+    if (vehicle_slot_[number] == kNone) {
+      const std::uint64_t key = traffic.id_hash[row];
+      const std::size_t slot = Enroll(traffic.number[row], key);
+      vehicle_slot_[number] = static_cast<std::int32_t>(slot);
+      // A higher share contains the vehicles of a lower one.
+      stations_[slot].equipped =
+          RandomStream(seed_, key, RandomPurpose::kRadioShare, 0).Uniform(0) < params_.share;
+    }
+    Station& station = stations_[static_cast<std::size_t>(vehicle_slot_[number])];
+    station.seen = step_;
+    station.on_air = station.equipped && traffic.now.lane[row] != kNone;
+    station.x = traffic.now.x[row];
+    station.y = traffic.now.y[row];
+  }
+  on_air_ = 0;
+  for (std::size_t slot = 0; slot < stations_.size(); ++slot) {
+    Station& station = stations_[slot];
+    if (station.id >= 0 && station.seen != step_) {
+      vehicle_slot_[static_cast<std::size_t>(station.id)] = kNone;
+      station.id = kNone;
+      station.equipped = station.on_air = false;
+      free_.push_back(slot);
+    }
+    on_air_ += station.on_air;
+  }
+}
+
+bool Channel::MustSend(double dt, const Motion& now, std::size_t row, CamState* cam) const {
+  if (cam->last_step < 0) return true;
+  const double elapsed = (step_ - cam->last_step) * dt + kTimeTolerance;
+  if (elapsed < params_.cam_min_interval) return false;
+  const bool changed = std::abs(WrapAngle(now.heading[row] - cam->heading)) > params_.cam_heading ||
+                       std::hypot(now.x[row] - cam->x, now.y[row] - cam->y) > params_.cam_position ||
+                       std::abs(now.speed[row] - cam->speed) > params_.cam_speed;
+  if (changed) {
+    cam->t_gen_cam = std::min(elapsed, params_.cam_max_interval);
+    cam->n_gen_cam = 0;
+    return true;
+  }
+  if (elapsed < cam->t_gen_cam) return false;
+  if (++cam->n_gen_cam >= kMaxUnchangedCams) cam->t_gen_cam = params_.cam_max_interval;
+  return true;
+}
+
+Message Channel::Describe(const Traffic& traffic, std::size_t row, std::uint64_t key) const {
+  const Motion& now = traffic.now;
+  const VehicleParams& vehicle = traffic.params[row];
+  Message m;
+  m.vehicle_class = traffic.vehicle_class[row];
+  m.x = now.x[row];
+  m.y = now.y[row];
+  if (level_ >= V2xLevel::kLossy && params_.position_noise > 0.0) {
+    const RandomStream noise(seed_, key, RandomPurpose::kRadioPosition, static_cast<std::uint64_t>(step_));
+    m.x += params_.position_noise * noise.Normal(0, 4.0);
+    m.y += params_.position_noise * noise.Normal(1, 4.0);
+  }
+  m.heading = now.heading[row];
+  m.speed = static_cast<float>(now.speed[row]);
+  m.accel = static_cast<float>(now.accel[row]);
+  m.length = static_cast<float>(vehicle.length);
+  m.width = static_cast<float>(vehicle.width);
+  m.max_decel = static_cast<float>(vehicle.max_decel);
+  m.lane = now.lane[row];
+  m.lane_change = now.blinker[row];
+  m.planned_accel = static_cast<float>(now.planned_accel[row]);
+  const Lane& lane = network_.lanes[m.lane];
+  const RoutePlan* plan = traffic.plan[row];
+  const auto position = static_cast<std::size_t>(traffic.route_position[row]);
+  if (plan != nullptr && !lane.internal && position < plan->route().size() &&
+      plan->route()[position] == lane.edge) {
+    m.next_link = plan->At(position, lane.index).connection;
+    m.link_distance = static_cast<float>(lane.length - now.s[row]);
+  }
+  return m;
+}
+
+void Channel::Send(Station* station, const Message& message, double bytes) {
+  std::vector<Message>& sent = log_[static_cast<std::size_t>(step_) % log_.size()];
+  const Inbox::Entry entry{station->id, step_, step_, static_cast<std::int32_t>(sent.size())};
+  sent.push_back(message);
+  sent.back().sender = station->id;
+  sent.back().step = step_;
+  if (level_ == V2xLevel::kIdeal) {
+    if (station->latest.sender != kNone && station->latest.sent >= oldest_)
+      CountAges(station->latest, on_air_ - 1, &counts_);
+    counts_.fates[static_cast<std::size_t>(Fate::kDelivered)] += on_air_ - 1;
+    station->latest = entry;
+    return;
+  }
+  senders_.push_back(
+      {station->id,
+       RandomStream(seed_, station->key, RandomPurpose::kRadioDelivery, static_cast<std::uint64_t>(step_)),
+       Airtime(bytes, params_.bitrate)});
+  sender_x_.push_back(station->x);
+  sender_y_.push_back(station->y);
+}
+
+void Channel::Generate(double dt, const Traffic& traffic) {
+  std::vector<Message>& messages = log_[static_cast<std::size_t>(step_) % log_.size()];
+  messages.clear();
+  messages.reserve(stations_.size());
+  senders_.clear();
+  sender_x_.clear();
+  sender_y_.clear();
+  for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
+    Station& station =
+        stations_[static_cast<std::size_t>(vehicle_slot_[static_cast<std::size_t>(traffic.number[row])])];
+    if (!station.on_air || !MustSend(dt, traffic.now, row, &station.cam)) continue;
+    station.cam.last_step = step_;
+    station.cam.x = station.x;
+    station.cam.y = station.y;
+    station.cam.heading = traffic.now.heading[row];
+    station.cam.speed = traffic.now.speed[row];
+    Send(&station, Describe(traffic, row, station.key), params_.message_bytes);
+  }
+  for (const Posted& posted : posted_) {
+    Message message;
+    message.payload = posted.payload;
+    Station& unit = stations_[roadside_slot_[static_cast<std::size_t>(RoadsideStation(posted.unit))]];
+    message.x = unit.x;
+    message.y = unit.y;
+    Send(&unit, message, posted.bytes);
+  }
+  posted_.clear();
+}
+
+Channel::Reception Channel::Deliver(const RandomStream& draws, std::uint64_t receiver_key, double distance2,
+                                    double load, double dt) const {
+  if (level_ == V2xLevel::kRange) return {Fate::kDelivered, 0};
+  // One draw decides the fate, in this order of causes: more of a later cause takes no earlier one's
+  // messages.
+  const std::uint64_t bits = draws.Bits(receiver_key);
+  const double u = static_cast<double>(bits >> 32) * 0x1.0p-32;
+  double share = 1.0 - params_.loss;
+  if (u >= share) return {Fate::kDropped, 0};
+  share *= FadingReception(distance2 / (params_.fading_range * params_.fading_range));
+  if (u >= share) return {Fate::kFaded, 0};
+  if (level_ == V2xLevel::kLoaded) {
+    share *= CollisionFree(load, HiddenShare(std::sqrt(distance2), params_.carrier_sense_range));
+    if (u >= share) return {Fate::kCollided, 0};
+  }
+  // Shifted exponential latency, cut off.
+  const double v = (static_cast<double>(bits & 0xffffffffULL) + 0.5) * 0x1.0p-32;
+  const double latency = std::min(
+      params_.latency_max, params_.latency_min - (params_.latency_mean - params_.latency_min) * std::log(v));
+  return {Fate::kDelivered, static_cast<std::int32_t>(std::ceil(latency / dt - kTimeTolerance))};
+}
+
+void Channel::Receive(double dt, Station* receiver, Scratch* scratch) {
+  const bool loaded = level_ == V2xLevel::kLoaded;
+  const double range2 = params_.range * params_.range;
+  const double reach = loaded ? params_.carrier_sense_range : params_.range, reach2 = reach * reach;
+  scratch->near.clear();
+  scratch->near.reserve(senders_.size());
+  double airtime = 0.0, distance2 = 0.0;
+  grid_.ForEachNearIf(
+      receiver->x, receiver->y, reach,
+      [&](std::uint32_t slot) {
+        const double dx = slot_x_[slot] - receiver->x, dy = slot_y_[slot] - receiver->y;
+        distance2 = dx * dx + dy * dy;
+        return distance2 <= reach2;
+      },
+      [&](AgentIndex sender) {
+        airtime += senders_[sender].airtime;
+        if (distance2 <= range2 && senders_[sender].id != receiver->id)
+          scratch->near.emplace_back(sender, distance2);
+      });
+  if (loaded) {
+    const double share = std::min(1.0, dt / kBusyWindow);
+    receiver->busy += share * (std::min(1.0, airtime / dt) - receiver->busy);
+  }
+  receiver->inbox.Arrive(step_, [&](const Inbox::Entry& entry) { Keep(entry, receiver, &scratch->counts); });
+  for (const auto& [sender, near2] : scratch->near) {
+    const Reception reception = Deliver(senders_[sender].draws, receiver->key, near2, receiver->busy, dt);
+    ++scratch->counts.fates[static_cast<std::size_t>(reception.fate)];
+    if (reception.fate != Fate::kDelivered) continue;
+    const Inbox::Entry entry{senders_[sender].id, step_, step_ + reception.latency, sender};
+    if (reception.latency > 0) {
+      receiver->inbox.Send(entry);
+    } else {
+      Keep(entry, receiver, &scratch->counts);
+    }
+  }
+}
+
+void Channel::Keep(const Inbox::Entry& entry, Station* receiver, ChannelCounts* counts) const {
+  const Inbox::Entry before = receiver->inbox.Put(entry, oldest_);
+  if (before.sender != kNone && before.sent < entry.sent) CountAges(before, 1, counts);
+}
+
+void Channel::CountAges(const Inbox::Entry& before, std::int64_t pairs, ChannelCounts* counts) const {
+  const std::int64_t first = before.received - before.sent, count = step_ - before.received;
+  counts->age_count += pairs * count;
+  counts->age_steps += pairs * (count * first + count * (count - 1) / 2);
+  for (std::int64_t age = first; age < first + count; ++age)
+    counts->age_histogram[static_cast<std::size_t>(age)] += pairs;
+}
+
+void Channel::Gather() {
+  counts_.station_steps += on_air_;
+  counts_.sent += static_cast<std::int64_t>(log_[static_cast<std::size_t>(step_) % log_.size()].size());
+  for (Scratch& scratch : scratch_) {
+    ChannelCounts& part = scratch.counts;
+    for (std::size_t k = 0; k < kFates; ++k) counts_.fates[k] += part.fates[k];
+    counts_.age_count += part.age_count;
+    counts_.age_steps += part.age_steps;
+    for (std::size_t k = 0; k < part.age_histogram.size(); ++k)
+      counts_.age_histogram[k] += part.age_histogram[k];
+    part.fates = {};
+    part.age_count = part.age_steps = 0;
+    std::fill(part.age_histogram.begin(), part.age_histogram.end(), 0);
+  }
+  if (level_ != V2xLevel::kLoaded) return;
+  for (const Station& station : stations_) {  // In order of slots, so that the sum is the same for any team.
+    if (!station.on_air) continue;
+    counts_.busy_sum += station.busy;
+    counts_.busy_max = std::max(counts_.busy_max, station.busy);
+  }
+}
+
+const Channel::Station* Channel::Find(StationId station) const {
+  if (IsRoadside(station)) {
+    const auto unit = static_cast<std::size_t>(RoadsideStation(station));
+    return unit < roadside_slot_.size() ? &stations_[roadside_slot_[unit]] : nullptr;
+  }
+  const auto number = static_cast<std::size_t>(station);
+  if (station < 0 || number >= vehicle_slot_.size() || vehicle_slot_[number] == kNone) return nullptr;
+  return &stations_[static_cast<std::size_t>(vehicle_slot_[number])];
+}
+
+std::optional<Received> Channel::LastFrom(StationId receiver, StationId sender) const {
+  const Station* station = Find(receiver);
+  if (station == nullptr || !station->equipped || receiver == sender) return std::nullopt;
+  if (level_ != V2xLevel::kIdeal) {
+    const Inbox::Entry* entry = station->inbox.Find(sender, oldest_);
+    return entry == nullptr ? std::nullopt : std::optional(AsReceived(*entry));
+  }
+  const Station* other = Find(sender);
+  if (other == nullptr || other->latest.sender == kNone || other->latest.sent < oldest_) return std::nullopt;
+  return AsReceived(other->latest);
+}
+
+bool Channel::IsEquipped(StationId station) const {
+  const Station* found = Find(station);
+  return found != nullptr && found->equipped;
+}
+
+double Channel::BusyRatio(StationId station) const {
+  const Station* found = Find(station);
+  return found == nullptr ? 0.0 : found->busy;
+}
+
+}  // namespace lanewise
