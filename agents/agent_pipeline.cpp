@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/coordination/green_advice.h"
 #include "agents/core/geometry.h"
 #include "agents/planning/car_following.h"
 #include "agents/planning/tactics.h"
@@ -207,7 +208,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   context.target_d = tactics.target_d;
   context.corridor_min = tactics.corridor_min;
   context.corridor_max = tactics.corridor_max;
-  context.free_speed = std::min(FreeSpeed(world, i, driving, way), tactics.speed_cap);
+  Advice advice;
+  if (roadside_ != nullptr) advice = AdviseSpeed(world, params_, *roadside_, i);
+  context.free_speed = std::min({FreeSpeed(world, i, driving, way), tactics.speed_cap, advice.speed_cap});
   context.vehicle = &vehicle;
   const double horizon = std::max(
       {10.0, speed * params_.dwa.horizon + 4.0, speed * speed / (2.0 * vehicle.max_decel) + speed + 5.0});
@@ -279,6 +282,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   commands->passed_on_lane[i] = PassedOnLane(world, i, lane_distance);
   commands->change_lane[i] = tactics.lane_change;
   commands->change_shift[i] = tactics.change_shift;
+  commands->signal_ahead[i] = advice.signal;
+  commands->advised_speed[i] = advice.speed;
 }
 
 }  // namespace lanewise

@@ -5,6 +5,7 @@
 
 #include "agents/agent_params.h"
 #include "agents/avoider.h"
+#include "agents/coordination/roadside.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
 #include "agents/planning/dwa.h"
@@ -33,6 +34,8 @@ class AgentPipeline {
   Avoider& avoider() { return avoider_; }
   /// Messages between vehicles and with roadside units; closed until it is opened.
   Channel& channel() { return channel_; }
+  /// Has the agents take green-light advice from these units from now on.
+  void AdviseBy(const Roadside* roadside) { roadside_ = roadside; }
 
  private:
   void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
@@ -45,6 +48,7 @@ class AgentPipeline {
   SpatialGrid grid_{20.0};
   Avoider avoider_;
   Channel channel_;
+  const Roadside* roadside_{nullptr};  // Null: no advice.
   std::vector<double> center_x_, center_y_;
   std::vector<std::unique_ptr<PlanScratch>> scratch_;  // By thread.
 };

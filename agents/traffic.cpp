@@ -53,7 +53,7 @@ void Traffic::RemoveRow(std::size_t row) {
 }
 
 void Commands::Resize(std::size_t n) {
-  ResizeAll(n, lane_speed, change_lane, change_shift, emergency, passed_on_lane);
+  ResizeAll(n, lane_speed, change_lane, change_shift, emergency, passed_on_lane, signal_ahead, advised_speed);
 }
 
 std::size_t AgentStateBytes() {
@@ -62,7 +62,8 @@ std::size_t AgentStateBytes() {
   std::size_t motion = 0, rest = 0;
   WithColumns(traffic.now, [&](auto&... columns) { motion = row_bytes(columns...); });
   WithColumns(traffic, [&](auto&... columns) { rest = row_bytes(columns...); });
-  return 2 * motion + rest + sizeof(double) + sizeof(std::int8_t) + 2 * sizeof(std::uint8_t);
+  return 2 * motion + rest + 2 * sizeof(double) + sizeof(std::int32_t) + sizeof(std::int8_t) +
+         2 * sizeof(std::uint8_t);
 }
 
 }  // namespace lanewise

@@ -78,7 +78,9 @@ struct Commands {
   std::vector<double> change_shift;     ///< [m] position on the new lane minus that on the old one.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
   std::vector<std::uint8_t>
-      passed_on_lane;  ///< The front has just passed a standing vehicle of the same lane.
+      passed_on_lane;                      ///< The front has just passed a standing vehicle of the same lane.
+  std::vector<std::int32_t> signal_ahead;  ///< Whose green-light advice it hears; kNone: none.
+  std::vector<double> advised_speed;       ///< [m/s]; 0: as it likes.
   void Resize(std::size_t n);
 };
 

@@ -16,6 +16,7 @@
 
 #include "agents/core/types.h"
 #include "analysis/comfort_histogram.h"
+#include "analysis/coordination_event.h"
 #include "analysis/edge_recorder.h"
 #include "analysis/encounter.h"
 #include "analysis/safety_monitor.h"
@@ -28,7 +29,7 @@ class Database;
 namespace lanewise {
 
 inline constexpr std::uint32_t kResultsApplicationId = 0x4C414E45;  ///< 'LANE', as in results_schema.sql.
-inline constexpr std::uint32_t kSchemaVersion = 4;                  ///< user_version, likewise.
+inline constexpr std::uint32_t kSchemaVersion = 5;                  ///< user_version, likewise.
 
 /// An open results file. Everything that fails throws ConfigError naming the file, what was found and what is
 /// allowed.
@@ -69,7 +70,8 @@ struct RunInfo {
   std::string scenario{};
   std::string config_file{};
   std::string policy{};
-  double penetration{1.0};  ///< Share of vehicles given the policy, as asked for.
+  double penetration{1.0};           ///< Share of vehicles given the policy, as asked for.
+  std::string coordination{"none"};  ///< What the roadside units coordinate, as asked for.
   std::string rules{};
   std::string safety{"full"};  ///< What is watched: off, contacts, full.
   std::int64_t seed{0};
@@ -185,7 +187,8 @@ class RunWriter {
   std::int64_t run_id() const { return run_id_; }
 
   /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
-  /// StepSummaryRow, StepHashRow, EdgeIntervalRow or HistogramRow. Waits while the queue is full.
+  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow or CoordinationEvent. Waits while the queue
+  /// is full.
   template <class Row>
   void Add(const std::vector<Row>& rows);
 
@@ -196,10 +199,11 @@ class RunWriter {
   void EndAs(RunStatus status, std::string message);
 
  private:
-  using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>,
-                          std::vector<TripRow>, std::vector<TrajectoryRow>, std::vector<Contact>,
-                          std::vector<Encounter>, std::vector<EncounterSample>, std::vector<StepSummaryRow>,
-                          std::vector<StepHashRow>, std::vector<EdgeIntervalRow>, std::vector<HistogramRow>>;
+  using Rows =
+      std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>, std::vector<TripRow>,
+                 std::vector<TrajectoryRow>, std::vector<Contact>, std::vector<Encounter>,
+                 std::vector<EncounterSample>, std::vector<StepSummaryRow>, std::vector<StepHashRow>,
+                 std::vector<EdgeIntervalRow>, std::vector<HistogramRow>, std::vector<CoordinationEvent>>;
 
   void WriteLoop();
   void Write(const Rows& rows);
@@ -230,6 +234,7 @@ struct RunSummary {
   std::int64_t run_id{0};
   std::string scenario{};
   std::string policy{};
+  std::string coordination{};
   std::string rules{};
   std::int64_t seed{0};
   std::string status{};

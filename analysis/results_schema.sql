@@ -3,7 +3,7 @@
 -- user_version (and kSchemaVersion in results_file.h).
 
 PRAGMA application_id = 0x4C414E45;  -- 'LANE': marks a Lanewise results file.
-PRAGMA user_version = 4;
+PRAGMA user_version = 5;
 
 -- One row a run: what was run, on what, and how it ended. status 'running' with no process behind it: killed.
 CREATE TABLE run (
@@ -16,6 +16,7 @@ CREATE TABLE run (
   config_file TEXT NOT NULL,
   policy TEXT NOT NULL,                -- As asked for; what drove in fact: table policy_share.
   penetration_rate REAL NOT NULL,      -- Share of vehicles given the policy, as asked for; 1: all that may have one.
+  coordination TEXT NOT NULL,          -- What the roadside units coordinate, as asked for; 'none' or names with commas.
   rules TEXT NOT NULL,                 -- Who answers for signals and right of way: 'agent' or 'sumo'.
   safety TEXT NOT NULL CHECK (safety IN ('off', 'contacts', 'full')),  -- What was watched; off: no collisions known.
   seed INTEGER NOT NULL,
@@ -284,6 +285,19 @@ CREATE TABLE step_hash (
   PRIMARY KEY (run_id, step)
 ) WITHOUT ROWID;
 
+-- What coordination over the roadside units did (`--coordinate`).
+CREATE TABLE coordination_event (
+  run_id INTEGER NOT NULL REFERENCES run,
+  time_s REAL NOT NULL,
+  kind TEXT NOT NULL CHECK (kind IN ('advice_followed', 'advice_missed', 'signal_plan', 'signal_offset', 'reroute', 'hold',
+                                     'release')),
+  vehicle_number INTEGER,              -- NULL: a signal's.
+  signal TEXT,                         -- SUMO's id; NULL: no signal's.
+  value REAL NOT NULL                  -- advice: least advised speed [m/s]; plan: s moved between greens, against the program;
+                                       -- offset: s by which the cycle differed; reroute: s expected to be gained.
+);
+CREATE INDEX coordination_event_of_run ON coordination_event (run_id, kind);
+
 -- Did SUMO do what the agents commanded? Differences by cause.
 CREATE TABLE audit (
   run_id INTEGER NOT NULL REFERENCES run,
@@ -338,7 +352,7 @@ CREATE TABLE merged_run (
 -- One row a run for comparisons. Trip means are over arrived vehicles; distance and emissions over all. Counts of
 -- what was not watched (run.safety) are NULL.
 CREATE VIEW v_run_summary AS
-SELECT run.run_id, run.scenario, run.policy, run.rules, run.seed, run.status, run.started_at,
+SELECT run.run_id, run.scenario, run.policy, run.coordination, run.rules, run.seed, run.status, run.started_at,
        run.simulated_time_s, run.wall_time_s, run.inserted, run.still_running, run.not_inserted, run.teleported,
        run.trajectory_rows, run.state_hash,
        COALESCE(t.arrived, 0) AS arrived, t.mean_duration_s, t.mean_time_loss_s, t.mean_waiting_time_s,

@@ -57,6 +57,12 @@ constexpr MetricInfo kMetrics[] = {
     {"pmx_g_per_km", "PMx [g/km]", Better::kLower, false, "likewise"},
     {"fuel_g_per_km", "fuel [g/km]", Better::kLower, false, "likewise"},
     {"electricity_wh_per_km", "electricity [Wh/km]", Better::kLower, false, "likewise"},
+    {"advised", "advised approaches", Better::kNeither, false, "to a signal, with green-light advice"},
+    {"advice_followed", "advice followed [-]", Better::kHigher, false, "share of them without a stop"},
+    {"signal_changes", "signal changes", Better::kNeither, false,
+     "cycles with another split or offset than the program's"},
+    {"reroutes", "reroutes", Better::kNeither, false, "routes taken around crowded edges"},
+    {"holds", "holds", Better::kNeither, false, "departures held back"},
     {"teleported", "teleports", Better::kLower, false, "vehicles SUMO lifted out of a jam"},
 };
 
@@ -110,7 +116,8 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
   for (const MetricInfo& metric : kMetrics) columns += fmt::format(", m.{}", metric.name);
   SQLite::Statement query(
       database,
-      "SELECT run.run_id, run.scenario, run.policy, run.penetration_rate, run.rules, run.seed, run.status, "
+      "SELECT run.run_id, run.scenario, run.policy, run.penetration_rate, run.coordination, run.rules, "
+      "run.seed, run.status, "
       "run.message, "
       "run.sumo_options, "
       "run.parameters_json, run.input_hashes_json, run.config_file, run.lanewise_version, run.git_commit, "
@@ -132,6 +139,7 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
     run.scenario = text();
     run.policy = text();
     run.penetration = next().getDouble();
+    run.coordination = text();
     run.rules = text();
     run.seed = next().getInt64();
     run.status = text();
@@ -248,6 +256,8 @@ void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
     const std::vector<std::string> parameters = Differences(same);
     for (std::size_t i = 0; i < same.size(); ++i) {
       std::string detail = native ? "" : parameters[i];
+      if (!native && same[i]->coordination != "none")
+        detail += fmt::format("{}{}", detail.empty() ? "" : ", ", same[i]->coordination);
       if (!native && rules.size() > 1)
         detail += fmt::format("{}rules={}", detail.empty() ? "" : ", ", same[i]->rules);
       if (!detail.empty()) same[i]->label += fmt::format(" [{}]", detail);

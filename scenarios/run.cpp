@@ -51,6 +51,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.config_file = config.config_file.empty() ? config.net_file.string() : config.config_file.string();
   info.policy = kPolicyNames[static_cast<std::size_t>(config.policy)];
   info.penetration = config.penetration;
+  info.coordination = CoordinationText(config.coordinate);
   info.rules = kRulesNames[static_cast<std::size_t>(config.rules)];
   info.safety = kSafetyLevelNames[static_cast<std::size_t>(config.safety_level)];
   info.seed = config.seed;
@@ -144,6 +145,8 @@ RunReport Run(const RunConfig& config) {
   pipeline.channel().Open(effective.v2x, static_cast<std::uint64_t>(effective.seed));
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
                        {effective.penetration, effective.seed});
+  Coordination coordination(network, effective.params, effective.coordinate,
+                            static_cast<std::uint64_t>(effective.seed), &pipeline);
   const double dt = session.step_length();
   const double begin = session.time();
   Recorder recorder(network,
@@ -171,8 +174,13 @@ RunReport Run(const RunConfig& config) {
       }
       trace.Add(outcome.steps, traffic);
       if (trace.rows().size() >= kHashRowsPerWrite) WriteHashes(writer.get(), &trace);
+      Timed(&report.coupling_time, [&] { coordination.Step(session.time(), dt, &traffic, &bridge); });
       Timed(&report.agent_time, [&] { pipeline.Step(dt, bridge.guarded(), &traffic, &commands); });
       Timed(&report.coupling_time, [&] { bridge.Write(dt, &traffic, commands); });
+      Timed(&report.record_time, [&] {
+        coordination.Observe(session.time(), traffic, commands);
+        recorder.Add(coordination.TakeEvents());
+      });
       ++outcome.steps;
       outcome.wall_time = outcome.sumo_time + report.coupling_time + report.agent_time + report.record_time;
       progress.Update(session.time(), recorder.running(), recorder.arrived(), session.ExpectedNumber());
@@ -210,6 +218,7 @@ RunReport Run(const RunConfig& config) {
   outcome.policy_shares = recorder.policy_shares();
   report.audit = bridge.audit();
   report.lane_end_halts = bridge.lane_end_halts();
+  report.coordination = coordination.counts();
   report.emergency_stops = bridge.emergency_stops();
   outcome.audit = AuditRows(report.audit, report.lane_end_halts, report.emergency_stops);
   if (writer) {

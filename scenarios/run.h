@@ -16,12 +16,13 @@ struct RunReport {
   std::int64_t run_id{0};  ///< In the results file; 0 without one.
   std::int64_t lane_end_halts{0};
   std::int64_t emergency_stops{0};
-  std::int64_t samples{0};    ///< Sector-scan samples recorded.
-  double agent_time{0.0};     ///< [s] wall time in the agents' step.
-  double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.
-  double record_time{0.0};    ///< [s] wall time for measures and results.
-  double finish_time{0.0};    ///< [s] wall time after the last step, until the results are closed.
-  double safety_time{0.0};    ///< [s] of record_time in the safety engine.
+  std::int64_t samples{0};            ///< Sector-scan samples recorded.
+  CoordinationCounts coordination{};  ///< By CoordinationKind.
+  double agent_time{0.0};             ///< [s] wall time in the agents' step.
+  double coupling_time{0.0};          ///< [s] wall time reading from and writing to SUMO.
+  double record_time{0.0};            ///< [s] wall time for measures and results.
+  double finish_time{0.0};            ///< [s] wall time after the last step, until the results are closed.
+  double safety_time{0.0};            ///< [s] of record_time in the safety engine.
 };
 
 /// Runs a resolved configuration to its end, or until SIGINT (then the outcome is kInterrupted).
