@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "agents/coordination/green_advice.h"
 #include "agents/core/geometry.h"
 #include "agents/planning/car_following.h"
 #include "agents/planning/tactics.h"
+#include "agents/v2x/cruise.h"
 #include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
@@ -174,6 +174,7 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_, &channel_};
   commands->Resize(n);
   channel_.Exchange(dt, *traffic);
+  advice_.assign(traffic->vehicle_count, {});
 #pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
   for (std::size_t i = 0; i < traffic->vehicle_count; ++i) {
     if (!traffic->driven[i]) continue;
@@ -199,6 +200,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   // Decide.
   const Tactics tactics = DecideTactics(world, params_, i, way, leader);
 
+  const Cruise cruise = DecideCruise(world, params_.v2x, i, leader, tactics, dt);
+
   // Plan.
   PlanContext context;
   context.d = now.d[i];
@@ -208,16 +211,20 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   context.target_d = tactics.target_d;
   context.corridor_min = tactics.corridor_min;
   context.corridor_max = tactics.corridor_max;
-  Advice advice;
-  if (roadside_ != nullptr) advice = AdviseSpeed(world, params_, *roadside_, i);
-  context.free_speed = std::min({FreeSpeed(world, i, driving, way), tactics.speed_cap, advice.speed_cap});
+  if (roadside_ != nullptr) advice_[i] = AdviseSpeed(world, *roadside_, driving, i);
+  context.free_speed = std::min({FreeSpeed(world, i, driving, way), tactics.speed_cap, advice_[i].speed_cap});
   context.vehicle = &vehicle;
   const double horizon = std::max(
       {10.0, speed * params_.dwa.horizon + 4.0, speed * speed / (2.0 * vehicle.max_decel) + speed + 5.0});
   if (leader.row != kNone && !traffic->hazard[leader.row]) {
     context.leader_gap = leader.gap;
     context.leader_speed = leader.speed;
+    context.leader_row = leader.row;
   }
+  context.time_gap = cruise.time_gap;
+  context.cruising = cruise.follows != kNone;
+  context.cruise_accel = cruise.accel;
+  context.leader_decel = cruise.leader_decel;
   Plan plan{0.0, now.d[i], PlanStatus::kOk};
   const bool queued = speed < kStandingSpeed && leader.row != kNone && leader.speed < kStandingSpeed &&
                       leader.gap < vehicle.min_gap + kQueueGap && tactics.lane_change == 0;
@@ -267,6 +274,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.accel[i] = (next_speed - speed) / dt;
   next.speed_ref[i] = std::max(0.0, speed + plan.accel * dt);
   next.planned_accel[i] = plan.accel;
+  next.planned_jerk[i] = (plan.accel - now.planned_accel[i]) / dt;
+  next.time_gap[i] = cruise.time_gap;
+  next.follows[i] = cruise.follows;
   next.steering_angle[i] = steering;
   const double lane_distance = LaneDistance(world, way, now.s[i], progress);
   next.s[i] = now.s[i] + lane_distance;
@@ -282,8 +292,6 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   commands->passed_on_lane[i] = PassedOnLane(world, i, lane_distance);
   commands->change_lane[i] = tactics.lane_change;
   commands->change_shift[i] = tactics.change_shift;
-  commands->signal_ahead[i] = advice.signal;
-  commands->advised_speed[i] = advice.speed;
 }
 
 }  // namespace lanewise

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "agents/agent_params.h"
 #include "agents/avoider.h"
+#include "agents/coordination/green_advice.h"
 #include "agents/coordination/roadside.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
@@ -36,6 +38,8 @@ class AgentPipeline {
   Channel& channel() { return channel_; }
   /// Has the agents take green-light advice from these units from now on.
   void AdviseBy(const Roadside* roadside) { roadside_ = roadside; }
+  /// By row: what the agents were advised in the last step.
+  std::span<const Advice> advice() const { return advice_; }
 
  private:
   void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
@@ -49,6 +53,7 @@ class AgentPipeline {
   Avoider avoider_;
   Channel channel_;
   const Roadside* roadside_{nullptr};  // Null: no advice.
+  std::vector<Advice> advice_;         // By row.
   std::vector<double> center_x_, center_y_;
   std::vector<std::unique_ptr<PlanScratch>> scratch_;  // By thread.
 };

@@ -16,7 +16,7 @@ void MoveAll(std::size_t from, std::size_t to, Columns&... columns) {
 /// Calls f with every column of a Motion.
 template <class F>
 void WithColumns(Motion& m, F&& f) {
-  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.planned_accel, m.steering_angle, m.x,
+  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.planned_accel, m.planned_jerk, m.time_gap, m.follows, m.steering_angle, m.x,
     m.y, m.heading, m.curvature, m.blinker, m.urgent, m.since_change, m.waited, m.yielded_to, m.speed_pid,
     m.steering_pid);
 }
@@ -53,7 +53,7 @@ void Traffic::RemoveRow(std::size_t row) {
 }
 
 void Commands::Resize(std::size_t n) {
-  ResizeAll(n, lane_speed, change_lane, change_shift, emergency, passed_on_lane, signal_ahead, advised_speed);
+  ResizeAll(n, lane_speed, change_lane, change_shift, emergency, passed_on_lane);
 }
 
 std::size_t AgentStateBytes() {
@@ -62,8 +62,7 @@ std::size_t AgentStateBytes() {
   std::size_t motion = 0, rest = 0;
   WithColumns(traffic.now, [&](auto&... columns) { motion = row_bytes(columns...); });
   WithColumns(traffic, [&](auto&... columns) { rest = row_bytes(columns...); });
-  return 2 * motion + rest + 2 * sizeof(double) + sizeof(std::int32_t) + sizeof(std::int8_t) +
-         2 * sizeof(std::uint8_t);
+  return 2 * motion + rest + sizeof(double) + sizeof(std::int8_t) + 2 * sizeof(std::uint8_t);
 }
 
 }  // namespace lanewise

@@ -28,6 +28,9 @@ struct Motion {
   std::vector<double>
       speed_ref;  ///< [m/s] the plan's speed for this moment; the speed PID works on the difference.
   std::vector<double> planned_accel;     ///< [m/s^2] the last plan's; what SUMO drives: as `accel`.
+  std::vector<double> planned_jerk;      ///< [m/s^3] its change in that step.
+  std::vector<double> time_gap;          ///< [s] ordinary following keeps to the leader.
+  std::vector<std::int32_t> follows;     ///< Number of whom it follows by cooperative cruise; kNone: nobody.
   std::vector<double> steering_angle;    ///< [rad] realised at the road wheel.
   std::vector<double> x, y, heading;     ///< World pose of the front bumper's middle [m, m, rad].
   std::vector<double> curvature;         ///< [1/m] of the reference path at s.
@@ -78,9 +81,7 @@ struct Commands {
   std::vector<double> change_shift;     ///< [m] position on the new lane minus that on the old one.
   std::vector<std::uint8_t> emergency;  ///< Braking harder than the type's decel.
   std::vector<std::uint8_t>
-      passed_on_lane;                      ///< The front has just passed a standing vehicle of the same lane.
-  std::vector<std::int32_t> signal_ahead;  ///< Whose green-light advice it hears; kNone: none.
-  std::vector<double> advised_speed;       ///< [m/s]; 0: as it likes.
+      passed_on_lane;  ///< The front has just passed a standing vehicle of the same lane.
   void Resize(std::size_t n);
 };
 

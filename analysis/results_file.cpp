@@ -312,6 +312,21 @@ void BindRow(const StepHashRow& r, std::int64_t run_id, Binder bind) {
        static_cast<std::int64_t>(r.weighted_sum));
 }
 
+const char* TableOf(const V2xIntervalRow&) {
+  return "v2x_interval";
+}
+void BindRow(const V2xIntervalRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.begin, r.end, r.station_time, r.sent, r.delivered, r.dropped, r.faded, r.collided,
+       r.pair_time, r.mean_age, r.mean_busy, r.max_busy, r.cruise_time, r.platoon_joins, r.platoon_leaves);
+}
+
+const char* TableOf(const V2xAgeRow&) {
+  return "v2x_age";
+}
+void BindRow(const V2xAgeRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.age, r.pair_time);
+}
+
 const char* TableOf(const AuditRow&) {
   return "audit";
 }
@@ -356,14 +371,14 @@ void LimitFileSize(std::int64_t max_bytes, SQLite::Database* database) {
 std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
   SQLite::Statement insert(
       *database,
-      "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, coordination, "
-      "rules, safety, "
+      "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, rules, v2x, coordination, "
+      "safety, "
       "seed, begin_s, end_s, step_length_s, threads, sumo_options, arguments_json, parameters_json, "
       "input_hashes_json, config_text, lanewise_version, git_commit, sumo_version, compiler, machine) VALUES "
       "(strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
       "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Binder bind(&insert);
-  bind(info.scenario, info.config_file, info.policy, info.penetration, info.coordination, info.rules,
+  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.v2x, info.coordination,
        info.safety, info.seed, info.begin, info.end, info.step_length, info.threads, info.sumo_options,
        info.arguments_json, info.parameters_json, info.input_hashes_json, OrNull(info.config_text),
        info.lanewise_version, info.git_commit, info.sumo_version, info.compiler, info.machine);
@@ -515,6 +530,8 @@ template void RunWriter::Add(const std::vector<StepSummaryRow>&);
 template void RunWriter::Add(const std::vector<StepHashRow>&);
 template void RunWriter::Add(const std::vector<EdgeIntervalRow>&);
 template void RunWriter::Add(const std::vector<HistogramRow>&);
+template void RunWriter::Add(const std::vector<V2xIntervalRow>&);
+template void RunWriter::Add(const std::vector<V2xAgeRow>&);
 template void RunWriter::Add(const std::vector<CoordinationEvent>&);
 
 void RunWriter::WriteLoop() {
@@ -648,7 +665,7 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
   return Guarded(path, [&] {
     SQLite::Statement query(
         file.database(),
-        "SELECT run_id, scenario, policy, coordination, rules, seed, status, started_at, inserted, "
+        "SELECT run_id, scenario, policy, rules, v2x, coordination, seed, status, started_at, inserted, "
         "trajectory_rows, "
         "state_hash, "
         "arrived, mean_duration_s, mean_time_loss_s, distance_km, co2_kg, co2_g_per_km, hard_braking_count, "
@@ -662,8 +679,9 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
       run.run_id = next().getInt64();
       run.scenario = next().getString();
       run.policy = next().getString();
-      run.coordination = next().getString();
       run.rules = next().getString();
+      run.v2x = next().getString();
+      run.coordination = next().getString();
       run.seed = next().getInt64();
       run.status = next().getString();
       run.started_at = next().getString();
@@ -688,12 +706,12 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
 }
 
 std::string FormatInfo(const fs::path& path, std::span<const RunSummary> runs) {
-  std::vector<std::vector<std::string>> lines = {
-      {"run", "started (UTC)", "status", "scenario", "policy", "coordination", "rules", "seed", "inserted",
-       "arrived", "collisions", "near misses", "trajectory rows", "state hash"}};
+  std::vector<std::vector<std::string>> lines = {{"run", "started (UTC)", "status", "scenario", "policy",
+                                                  "rules", "v2x", "coordination", "seed", "inserted", "arrived", "collisions",
+                                                  "near misses", "trajectory rows", "state hash"}};
   for (const RunSummary& run : runs) {
-    lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.coordination,
-                     run.rules, Cell(run.seed), Cell(run.inserted), Cell(run.arrived), Cell(run.collisions),
+    lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.rules,
+                     run.v2x, run.coordination, Cell(run.seed), Cell(run.inserted), Cell(run.arrived), Cell(run.collisions),
                      Cell(run.near_misses), Cell(run.trajectory_rows), run.state_hash.value_or("-")});
   }
   return fmt::format("{}: Lanewise results, schema {}, {} run{}\n{}", path.string(), kSchemaVersion,

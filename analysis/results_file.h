@@ -21,6 +21,7 @@
 #include "analysis/encounter.h"
 #include "analysis/safety_monitor.h"
 #include "analysis/trip_recorder.h"
+#include "analysis/v2x_log.h"
 
 namespace SQLite {
 class Database;
@@ -73,6 +74,7 @@ struct RunInfo {
   double penetration{1.0};           ///< Share of vehicles given the policy, as asked for.
   std::string coordination{"none"};  ///< What the roadside units coordinate, as asked for.
   std::string rules{};
+  std::string v2x{"off"};      ///< How much of a radio channel there is.
   std::string safety{"full"};  ///< What is watched: off, contacts, full.
   std::int64_t seed{0};
   double begin{0.0};            ///< [s]
@@ -187,8 +189,8 @@ class RunWriter {
   std::int64_t run_id() const { return run_id_; }
 
   /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
-  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow or CoordinationEvent. Waits while the queue
-  /// is full.
+  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow, V2xIntervalRow, V2xAgeRow or
+  /// CoordinationEvent. Waits while the queue is full.
   template <class Row>
   void Add(const std::vector<Row>& rows);
 
@@ -199,11 +201,12 @@ class RunWriter {
   void EndAs(RunStatus status, std::string message);
 
  private:
-  using Rows =
-      std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>, std::vector<TripRow>,
-                 std::vector<TrajectoryRow>, std::vector<Contact>, std::vector<Encounter>,
-                 std::vector<EncounterSample>, std::vector<StepSummaryRow>, std::vector<StepHashRow>,
-                 std::vector<EdgeIntervalRow>, std::vector<HistogramRow>, std::vector<CoordinationEvent>>;
+  using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>,
+                          std::vector<TripRow>, std::vector<TrajectoryRow>, std::vector<Contact>,
+                          std::vector<Encounter>, std::vector<EncounterSample>, std::vector<StepSummaryRow>,
+                          std::vector<StepHashRow>, std::vector<EdgeIntervalRow>, std::vector<HistogramRow>,
+                          std::vector<V2xIntervalRow>, std::vector<V2xAgeRow>,
+                          std::vector<CoordinationEvent>>;
 
   void WriteLoop();
   void Write(const Rows& rows);
@@ -236,6 +239,7 @@ struct RunSummary {
   std::string policy{};
   std::string coordination{};
   std::string rules{};
+  std::string v2x{};
   std::int64_t seed{0};
   std::string status{};
   std::string started_at{};

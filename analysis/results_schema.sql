@@ -16,8 +16,9 @@ CREATE TABLE run (
   config_file TEXT NOT NULL,
   policy TEXT NOT NULL,                -- As asked for; what drove in fact: table policy_share.
   penetration_rate REAL NOT NULL,      -- Share of vehicles given the policy, as asked for; 1: all that may have one.
-  coordination TEXT NOT NULL,          -- What the roadside units coordinate, as asked for; 'none' or names with commas.
   rules TEXT NOT NULL,                 -- Who answers for signals and right of way: 'agent' or 'sumo'.
+  v2x TEXT NOT NULL CHECK (v2x IN ('off', 'ideal', 'range', 'lossy', 'loaded')),  -- How much of a radio channel.
+  coordination TEXT NOT NULL,          -- What the roadside units coordinate, as asked for; 'none' or names with commas.
   safety TEXT NOT NULL CHECK (safety IN ('off', 'contacts', 'full')),  -- What was watched; off: no collisions known.
   seed INTEGER NOT NULL,
   begin_s REAL NOT NULL,
@@ -285,6 +286,36 @@ CREATE TABLE step_hash (
   PRIMARY KEY (run_id, step)
 ) WITHOUT ROWID;
 
+-- What went over the radio, in intervals of 60 s. A message counts once per receiver in range: delivered, or lost by
+-- the first of its causes.
+CREATE TABLE v2x_interval (
+  run_id INTEGER NOT NULL REFERENCES run,
+  begin_s REAL NOT NULL,
+  end_s REAL NOT NULL,
+  station_time_s REAL NOT NULL,        -- Of all that carry a radio together.
+  sent INTEGER NOT NULL,
+  delivered INTEGER NOT NULL,
+  dropped INTEGER NOT NULL,            -- By v2x.loss.
+  faded INTEGER NOT NULL,              -- Too weak over its distance.
+  collided INTEGER NOT NULL,           -- With a message of a station its sender did not hear.
+  pair_time_s REAL NOT NULL,           -- Over pairs, from one message to the next: what mean_age_s is over.
+  mean_age_s REAL,                     -- Age of information: of the last message known.
+  mean_busy_ratio REAL,                -- Channel busy ratio, over station_time_s; NULL: v2x is not 'loaded'.
+  max_busy_ratio REAL,                 -- Of any station in any step.
+  cruise_time_s REAL NOT NULL,         -- Of vehicles that followed by cooperative cruise.
+  platoon_joins INTEGER NOT NULL,
+  platoon_leaves INTEGER NOT NULL,
+  PRIMARY KEY (run_id, begin_s)
+) WITHOUT ROWID;
+
+-- Age of information: how long pairs of stations knew nothing newer than this.
+CREATE TABLE v2x_age (
+  run_id INTEGER NOT NULL REFERENCES run,
+  age_s REAL NOT NULL,
+  pair_time_s REAL NOT NULL,
+  PRIMARY KEY (run_id, age_s)
+) WITHOUT ROWID;
+
 -- What coordination over the roadside units did (`--coordinate`).
 CREATE TABLE coordination_event (
   run_id INTEGER NOT NULL REFERENCES run,
@@ -352,7 +383,7 @@ CREATE TABLE merged_run (
 -- One row a run for comparisons. Trip means are over arrived vehicles; distance and emissions over all. Counts of
 -- what was not watched (run.safety) are NULL.
 CREATE VIEW v_run_summary AS
-SELECT run.run_id, run.scenario, run.policy, run.coordination, run.rules, run.seed, run.status, run.started_at,
+SELECT run.run_id, run.scenario, run.policy, run.rules, run.v2x, run.coordination, run.seed, run.status, run.started_at,
        run.simulated_time_s, run.wall_time_s, run.inserted, run.still_running, run.not_inserted, run.teleported,
        run.trajectory_rows, run.state_hash,
        COALESCE(t.arrived, 0) AS arrived, t.mean_duration_s, t.mean_time_loss_s, t.mean_waiting_time_s,

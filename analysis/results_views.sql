@@ -41,6 +41,11 @@ CREATE VIEW v_run_metrics (
   pmx_g_per_km,
   fuel_g_per_km,
   electricity_wh_per_km,
+  v2x_sent_hz,              -- Messages a second and station; here and below NULL without V2X.
+  v2x_delivered_share,      -- Of messages at receivers in range.
+  v2x_age_s,                -- Mean age of information.
+  v2x_busy_ratio,           -- Mean channel busy ratio.
+  cruise_share,             -- Of the agents' driving time: following by cooperative cruise.
   advised,                  -- Approaches to a signal with green-light advice.
   advice_followed,          -- Share of them without a stop.
   signal_changes,           -- Cycles that differed from their program, in split or offset.
@@ -75,6 +80,7 @@ SELECT run.run_id, run.scenario, run.policy, run.seed, run.status,
        CASE WHEN run.safety = 'full' THEN t.ttc_exposed_s / NULLIF(t.hours, 0.0) END,
        1e2 * t.hard_braking / t.some_km, t.jerk_mps3, t.max_lateral_accel_mps2,
        t.co2_g / t.some_km, t.nox_g / t.some_km, t.pmx_g / t.some_km, t.fuel_g / t.some_km, t.electricity_wh / t.some_km,
+       v.sent / v.station_time_s, v.delivered * 1.0 / v.heard, v.age_s, v.busy_ratio, v.cruise_time_s / NULLIF(run.agent_steps * run.step_length_s, 0.0),
        COALESCE(k.advised, 0), k.followed * 1.0 / NULLIF(k.advised, 0), COALESCE(k.signal_changes, 0),
        COALESCE(k.reroutes, 0), COALESCE(k.holds, 0),
        t.stops / t.some_h,
@@ -114,6 +120,13 @@ LEFT JOIN (SELECT run_id, SUM(kind IN ('advice_followed', 'advice_missed')) AS a
 LEFT JOIN (SELECT run_id, SUM(CASE WHEN policy <> 'sumo' THEN vehicles ELSE 0 END) * 1.0
                   / NULLIF(SUM(vehicles), 0) AS agent_share
            FROM policy_share GROUP BY run_id) AS shares ON shares.run_id = run.run_id
+LEFT JOIN (SELECT run_id, NULLIF(SUM(station_time_s), 0.0) AS station_time_s, SUM(sent) AS sent,
+                  SUM(delivered) AS delivered, NULLIF(SUM(delivered + dropped + faded + collided), 0) AS heard,
+                  SUM(pair_time_s * mean_age_s) / NULLIF(SUM(pair_time_s), 0.0) AS age_s,
+                  SUM(station_time_s * mean_busy_ratio)
+                  / NULLIF(SUM(CASE WHEN mean_busy_ratio IS NOT NULL THEN station_time_s END), 0.0) AS busy_ratio,
+                  SUM(cruise_time_s) AS cruise_time_s
+           FROM v2x_interval GROUP BY run_id) AS v ON v.run_id = run.run_id
 LEFT JOIN audit AS mid_block ON mid_block.run_id = run.run_id AND mid_block.cause = 'mid_block'
 ORDER BY run.run_id;
 

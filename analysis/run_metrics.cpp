@@ -57,6 +57,13 @@ constexpr MetricInfo kMetrics[] = {
     {"pmx_g_per_km", "PMx [g/km]", Better::kLower, false, "likewise"},
     {"fuel_g_per_km", "fuel [g/km]", Better::kLower, false, "likewise"},
     {"electricity_wh_per_km", "electricity [Wh/km]", Better::kLower, false, "likewise"},
+    {"v2x_sent_hz", "V2X messages sent [Hz]", Better::kNeither, false, "per station; CAM trigger rules"},
+    {"v2x_delivered_share", "V2X delivered [-]", Better::kHigher, false,
+     "share of messages at receivers in range"},
+    {"v2x_age_s", "V2X age of information [s]", Better::kLower, false, "mean over pairs and time"},
+    {"v2x_busy_ratio", "V2X channel busy ratio [-]", Better::kLower, false, "mean over stations and time"},
+    {"cruise_share", "cooperative cruise [-]", Better::kNeither, false,
+     "share of the agents' driving time behind a leader that tells what it is about to do"},
     {"advised", "advised approaches", Better::kNeither, false, "to a signal, with green-light advice"},
     {"advice_followed", "advice followed [-]", Better::kHigher, false, "share of them without a stop"},
     {"signal_changes", "signal changes", Better::kNeither, false,
@@ -116,8 +123,8 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
   for (const MetricInfo& metric : kMetrics) columns += fmt::format(", m.{}", metric.name);
   SQLite::Statement query(
       database,
-      "SELECT run.run_id, run.scenario, run.policy, run.penetration_rate, run.coordination, run.rules, "
-      "run.seed, run.status, "
+      "SELECT run.run_id, run.scenario, run.policy, run.penetration_rate, run.rules, run.v2x, "
+      "run.coordination, run.seed, run.status, "
       "run.message, "
       "run.sumo_options, "
       "run.parameters_json, run.input_hashes_json, run.config_file, run.lanewise_version, run.git_commit, "
@@ -139,8 +146,9 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
     run.scenario = text();
     run.policy = text();
     run.penetration = next().getDouble();
-    run.coordination = text();
     run.rules = text();
+    run.v2x = text();
+    run.coordination = text();
     run.seed = next().getInt64();
     run.status = text();
     run.message = text();
@@ -249,8 +257,11 @@ void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
     by_driver[run.label].push_back(&run);
   }
   for (auto& [driver, same] : by_driver) {
-    std::set<std::string> rules;
-    for (const RunRecord* run : same) rules.insert(run->rules);
+    std::set<std::string> rules, radios;
+    for (const RunRecord* run : same) {
+      rules.insert(run->rules);
+      radios.insert(run->v2x);
+    }
     // Parameters are the agents': natively driven runs do not depend on them, nor on who answers for signals.
     const bool native = driver == "sumo";
     const std::vector<std::string> parameters = Differences(same);
@@ -260,6 +271,8 @@ void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
         detail += fmt::format("{}{}", detail.empty() ? "" : ", ", same[i]->coordination);
       if (!native && rules.size() > 1)
         detail += fmt::format("{}rules={}", detail.empty() ? "" : ", ", same[i]->rules);
+      if (!native && radios.size() > 1)
+        detail += fmt::format("{}v2x={}", detail.empty() ? "" : ", ", same[i]->v2x);
       if (!detail.empty()) same[i]->label += fmt::format(" [{}]", detail);
       if (by_file) same[i]->label = fmt::format("{}:{}", same[i]->file.stem().string(), same[i]->label);
     }

@@ -42,6 +42,7 @@ struct RunRecord {
   double penetration{1.0};     ///< As asked for.
   std::string coordination{};  ///< As asked for.
   std::string rules{};
+  std::string v2x{};  ///< How much of a radio channel there was.
   std::int64_t seed{0};
   std::string status{};
   std::string message{};
@@ -69,7 +70,8 @@ struct RunRecord {
 std::vector<RunRecord> LoadRuns(std::span<const std::filesystem::path> files, bool by_file = false);
 
 /// Makes labels under which runs may be averaged: the policy that drove, with the realised shares (to 5 %)
-/// where vehicles of several policies drove, and the parameters and rules in which runs of one policy differ.
+/// where vehicles of several policies drove, and the parameters, rules and radio in which runs of one policy
+/// differ.
 void LabelRuns(bool by_file, std::vector<RunRecord>* runs);
 
 /// Orders labels for people: by policy, then by penetration rate; a policy's bare name is its rate of 100 %.

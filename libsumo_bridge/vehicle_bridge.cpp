@@ -340,6 +340,9 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
   now.speed[row] = speed;
   now.speed_ref[row] = speed;
   now.planned_accel[row] = now.accel[row];
+  now.planned_jerk[row] = 0.0;
+  now.time_gap[row] = traffic->params[row].time_gap;
+  now.follows[row] = kNone;
   now.steering_angle[row] = 0.0;
   now.curvature[row] = point.curvature;
   now.speed_pid[row] = now.steering_pid[row] = {};

@@ -54,13 +54,14 @@ std::string CoordinationText(const CoordinationSwitches& switches) {
   return text.empty() ? "none" : text;
 }
 
-Coordination::Coordination(const RoadNetwork& network, const AgentParams& params,
+Coordination::Coordination(const RoadNetwork& network, const CoordinationParams& params,
                            const CoordinationSwitches& switches, std::uint64_t seed, AgentPipeline* pipeline)
     : network_(network),
       switches_(switches),
+      pipeline_(*pipeline),
       channel_(&pipeline->channel()),
       signals_(network),
-      roadside_(network, params),
+      roadside_(network, params, pipeline->params().v2x.memory),
       adaptation_(network, params),
       dispatcher_(network, params, seed) {
   if (!switches_.any() || !channel_->open()) return;
@@ -111,12 +112,11 @@ void Coordination::Dispatch(double time, Traffic* traffic, VehicleBridge* bridge
   }
 }
 
-void Coordination::Observe(double time, const Traffic& traffic, const Commands& commands) {
+void Coordination::Observe(double time, const Traffic& traffic) {
   if (!switches_.green_advice || !channel_->open()) return;
   for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
     const std::int32_t number = traffic.number[row];
-    const std::int32_t signal = traffic.driven[row] ? commands.signal_ahead[row] : kNone;
-    const double speed = commands.advised_speed[row];
+    const auto [signal, speed, cap] = pipeline_.advice()[row];
     auto found = advised_.find(number);
     if (found != advised_.end() && found->second.signal != signal) {
       Note(time, found->second.stopped ? CoordinationKind::kAdviceMissed : CoordinationKind::kAdviceFollowed,

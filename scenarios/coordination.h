@@ -31,13 +31,13 @@ std::string CoordinationText(const CoordinationSwitches& switches);
 /// the bridges to SUMO and the agents.
 class Coordination {
  public:
-  Coordination(const RoadNetwork& network, const AgentParams& params, const CoordinationSwitches& switches,
+  Coordination(const RoadNetwork& network, const CoordinationParams& params, const CoordinationSwitches& switches,
                std::uint64_t seed, AgentPipeline* pipeline);
 
   /// After what SUMO did has been read, before the agents decide.
   void Step(double time, double dt, Traffic* traffic, VehicleBridge* bridge);
   /// After the agents have decided: who got advice, and what became of it.
-  void Observe(double time, const Traffic& traffic, const Commands& commands);
+  void Observe(double time, const Traffic& traffic);
 
   const CoordinationCounts& counts() const { return counts_; }
   std::vector<CoordinationEvent> TakeEvents() { return std::exchange(events_, {}); }
@@ -56,6 +56,7 @@ class Coordination {
 
   const RoadNetwork& network_;
   CoordinationSwitches switches_;
+  const AgentPipeline& pipeline_;
   Channel* channel_;
   SignalBridge signals_;
   Roadside roadside_;

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <numeric>
 #include <optional>
 
 #include "agents/core/check.h"
@@ -140,11 +141,12 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   config.end = o->end;
   if (!o->results.empty()) config.results = o->results;
   if (!o->samples_file.empty()) config.samples_file = o->samples_file;
-  RunParams params{config.params, config.safety};
+  RunParams params{config.params, config.safety, config.coordination};
   if (!o->params_file.empty()) LoadParams(o->params_file, &params);
   for (const std::string& assignment : o->assignments) SetParamFromText(assignment, &params);
   config.params = params.agents;
   config.safety = params.safety;
+  config.coordination = params.coordination;
   if (!o->output_folder.empty()) {
     if (!std::filesystem::is_directory(o->output_folder))
       throw ConfigError(fmt::format("--sumo-outputs: {}: no such folder", o->output_folder));
@@ -180,6 +182,28 @@ RunInterface DescribeRunCommand() {
   return run;
 }
 
+void PrintV2x(const RunConfig& config, const ChannelCounts& v2x) {
+  const auto ratio = [](auto part, auto whole) {
+    return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+  };
+  const auto fate = [&](Fate f) { return v2x.fates[static_cast<std::size_t>(f)]; };
+  const std::int64_t heard = std::accumulate(v2x.fates.begin(), v2x.fates.end(), std::int64_t{0});
+  fmt::print(
+      "v2x {}: {} messages sent ({:.2f} Hz), {:.1f} % of {} arrived ({} dropped, {} faded, {} collided), "
+      "{:.2f} s old on average",
+      kV2xLevelNames[static_cast<std::size_t>(config.v2x)], v2x.sent,
+      ratio(v2x.sent, v2x.station_steps) / config.step_length, 100.0 * ratio(fate(Fate::kDelivered), heard),
+      heard, fate(Fate::kDropped), fate(Fate::kFaded), fate(Fate::kCollided),
+      ratio(v2x.age_steps, v2x.age_count) * config.step_length);
+  if (config.v2x == V2xLevel::kLoaded)
+    fmt::print(", channel busy {:.1f} %",
+               100.0 * v2x.busy_sum / std::max(1.0, static_cast<double>(v2x.station_steps)));
+  if (config.params.v2x.cruise != 0)
+    fmt::print("; {} platoons joined, {:.1f} % of all driving in one", v2x.platoon_joins,
+               100.0 * ratio(v2x.cruise_steps, v2x.station_steps));
+  fmt::print("\n");
+}
+
 int Report(const RunConfig& config, const RunReport& report) {
   const RunOutcome& o = report.outcome;
   const AuditCount& audit = report.audit.by_cause[static_cast<std::size_t>(AuditCause::kMidBlock)];
@@ -198,6 +222,7 @@ int Report(const RunConfig& config, const RunReport& report) {
   }
   fmt::print("audit: {} of {} mid-block commands not carried out exactly; {} halts at a lane's end\n",
              audit.different, audit.steps, report.lane_end_halts);
+  if (config.v2x != V2xLevel::kOff) PrintV2x(config, report.v2x);
   fmt::print("state hash {:016x}\n", o.state_hash);
   if (config.samples_file) fmt::print("{} samples in {}\n", report.samples, config.samples_file->string());
   if (config.results) fmt::print("run {} in {}\n", report.run_id, config.results->string());

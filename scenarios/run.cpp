@@ -17,6 +17,7 @@
 #include <iterator>
 
 #include "agents/agent_pipeline.h"
+#include "analysis/v2x_log.h"
 #include "libsumo_bridge/sumo_session.h"
 #include "scenarios/interrupt.h"
 #include "scenarios/progress.h"
@@ -51,6 +52,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.config_file = config.config_file.empty() ? config.net_file.string() : config.config_file.string();
   info.policy = kPolicyNames[static_cast<std::size_t>(config.policy)];
   info.penetration = config.penetration;
+  info.v2x = kV2xLevelNames[static_cast<std::size_t>(config.v2x)];
   info.coordination = CoordinationText(config.coordinate);
   info.rules = kRulesNames[static_cast<std::size_t>(config.rules)];
   info.safety = kSafetyLevelNames[static_cast<std::size_t>(config.safety_level)];
@@ -61,7 +63,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.threads = config.threads;
   info.sumo_options = fmt::format("{}", fmt::join(sumo_options, " "));
   nlohmann::ordered_json params, hashes;
-  for (const ParamDescription& p : DescribeParams(RunParams{config.params, config.safety}))
+  for (const ParamDescription& p : DescribeParams(RunParams{config.params, config.safety, config.coordination}))
     params[p.name] = p.value;
   for (const auto& file : InputFiles(config)) hashes[file.string()] = "xxh3:" + HashFile(file);
   if (!config.config_file.empty()) info.config_text = ReadText(config.config_file);
@@ -145,7 +147,7 @@ RunReport Run(const RunConfig& config) {
   pipeline.channel().Open(effective.v2x, static_cast<std::uint64_t>(effective.seed));
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
                        {effective.penetration, effective.seed});
-  Coordination coordination(network, effective.params, effective.coordinate,
+  Coordination coordination(network, effective.coordination, effective.coordinate,
                             static_cast<std::uint64_t>(effective.seed), &pipeline);
   const double dt = session.step_length();
   const double begin = session.time();
@@ -156,6 +158,7 @@ RunReport Run(const RunConfig& config) {
   Progress progress(
       fmt::format("{} [{}]", effective.scenario, kPolicyNames[static_cast<std::size_t>(effective.policy)]),
       effective.end, effective.quiet, effective.progress_fd);
+  V2xLog v2x_log(begin, dt, effective.v2x == V2xLevel::kLoaded);
   StateTrace trace;
   RunReport report;
   RunOutcome& outcome = report.outcome;
@@ -178,10 +181,11 @@ RunReport Run(const RunConfig& config) {
       Timed(&report.agent_time, [&] { pipeline.Step(dt, bridge.guarded(), &traffic, &commands); });
       Timed(&report.coupling_time, [&] { bridge.Write(dt, &traffic, commands); });
       Timed(&report.record_time, [&] {
-        coordination.Observe(session.time(), traffic, commands);
+        coordination.Observe(session.time(), traffic);
         recorder.Add(coordination.TakeEvents());
       });
       ++outcome.steps;
+      if (effective.v2x != V2xLevel::kOff) v2x_log.Observe(session.time(), pipeline.channel().counts());
       outcome.wall_time = outcome.sumo_time + report.coupling_time + report.agent_time + report.record_time;
       progress.Update(session.time(), recorder.running(), recorder.arrived(), session.ExpectedNumber());
       fault.Step(session.time());
@@ -195,6 +199,7 @@ RunReport Run(const RunConfig& config) {
     throw;
   }
   report.safety_time = recorder.safety_time();
+  report.v2x = pipeline.channel().counts();
   const double end = session.time();
   const auto finish_start = std::chrono::steady_clock::now();
   Timed(&report.record_time, [&] { recorder.Finish(end); });
@@ -203,6 +208,11 @@ RunReport Run(const RunConfig& config) {
     report.samples = samples->count();
   }
   WriteHashes(writer.get(), &trace);
+  if (writer && effective.v2x != V2xLevel::kOff) {
+    v2x_log.Finish(end, report.v2x);
+    writer->Add(v2x_log.TakeFinished());
+    writer->Add(v2x_log.AgeRows(report.v2x));
+  }
   outcome.status = Interrupted() ? RunStatus::kInterrupted : RunStatus::kFinished;
   if (Interrupted()) outcome.message = fmt::format("interrupted at {:.1f} s", end);
   outcome.simulated_time = end - begin;

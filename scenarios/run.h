@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "agents/v2x/channel.h"
 #include "analysis/results_file.h"
 #include "libsumo_bridge/coupling_audit.h"
 #include "scenarios/run_config.h"
@@ -13,6 +14,7 @@ namespace lanewise {
 struct RunReport {
   RunOutcome outcome;
   CouplingAudit audit;
+  ChannelCounts v2x;        ///< All zero without V2X.
   std::int64_t run_id{0};  ///< In the results file; 0 without one.
   std::int64_t lane_end_halts{0};
   std::int64_t emergency_stops{0};

@@ -40,6 +40,7 @@ struct RunConfig {
   SampleParams samples;
   AgentParams params;
   SafetyParams safety;
+  CoordinationParams coordination;
   bool quiet{false};
   int progress_fd{-1};                    ///< Open file that is told of progress in lines; -1: none.
   std::vector<std::string> sumo_options;  ///< Passed to SUMO unchanged, last, so they win.
@@ -83,11 +84,13 @@ SafetyLevel ParseSafetyLevel(std::string_view name);
 struct RunParams {
   AgentParams agents;
   SafetyParams safety;
+  CoordinationParams coordination;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
     AgentParams::Visit(p.agents, field);
     SafetyParams::Visit(p.safety, field);
+    CoordinationParams::Visit(p.coordination, field);
   }
 };
 

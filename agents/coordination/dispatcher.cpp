@@ -111,7 +111,7 @@ void CongestionWatch::Judge() {
   crowded_share_ = used > 0 ? static_cast<double>(crowded) / used : 0.0;
 }
 
-Dispatcher::Dispatcher(const RoadNetwork& network, const AgentParams& params, std::uint64_t seed)
+Dispatcher::Dispatcher(const RoadNetwork& network, const CoordinationParams& params, std::uint64_t seed)
     : network_(network),
       params_(params.dispatch),
       seed_(seed),
@@ -146,7 +146,7 @@ bool Dispatcher::IsReached(const Roadside& roadside, const Channel& channel, std
 }
 
 bool Dispatcher::FollowsAdvice(const Traffic& traffic, std::size_t row) const {
-  return RandomStream(seed_, traffic.id_hash[row], RandomPurpose::kDispatchShare, 0).Uniform(0) <
+  return RandomStream(seed_, traffic.id_hash[row], RandomPurpose::kPenetration, 1).Uniform(0) <
          params_.share;
 }
 

@@ -5,7 +5,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "agents/agent_params.h"
+#include "agents/coordination/coordination_params.h"
 #include "agents/coordination/roadside.h"
 #include "agents/network/road_network.h"
 #include "agents/traffic.h"
@@ -74,7 +74,7 @@ class Dispatcher {
     double gain;                   ///< [s] expected.
   };
 
-  Dispatcher(const RoadNetwork& network, const AgentParams& params, std::uint64_t seed);
+  Dispatcher(const RoadNetwork& network, const CoordinationParams& params, std::uint64_t seed);
 
   /// After an Exchange. `may_hold` by row: it stands where it departed. The answers hold until the next call.
   void Step(double time, const Traffic& traffic, std::span<const std::uint8_t> may_hold,

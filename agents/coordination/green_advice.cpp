@@ -64,8 +64,9 @@ double SpeedToArrive(double distance, double speed, double time, double decel) {
   return std::max(0.0, std::sqrt(root) - half);
 }
 
-Advice AdviseSpeed(const World& world, const AgentParams& params, const Roadside& roadside, AgentIndex ego) {
-  const auto line = LineAhead(world, ego, params.advice.range);
+Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingParams& driving, AgentIndex ego) {
+  const AdviceParams& params = roadside.params().advice;
+  const auto line = LineAhead(world, ego, params.range);
   if (!line || roadside.units()[static_cast<std::size_t>(line->signal)] == kNone) return {};
   const Traffic& traffic = *world.traffic;
   const auto received =
@@ -84,15 +85,15 @@ Advice AdviseSpeed(const World& world, const AgentParams& params, const Roadside
   if (line->distance < kLastAdvice) return free;
   const double limit = traffic.speed_limit[ego];
   const double reach = TimeToReach(line->distance, speed, limit, kExpectedAccel);
-  const auto pass = PassingTime(params.advice, message.timing, line->link, reach + age, ahead);
+  const auto pass = PassingTime(params, message.timing, line->link, reach + age, ahead);
   if (!pass || *pass - age < reach + kWorthAdvising) return free;
   // Who passes in the present green is held up by those ahead, not by the signal.
   const auto green = NextGreen(message.timing, line->link, age);
   if (green && green->begin <= age && *pass < green->end) return free;
-  const double wanted = SpeedToArrive(line->distance, speed, *pass - age, params.advice.decel);
-  const double advised = std::clamp(wanted, std::min(params.advice.min_speed, limit), limit);
+  const double wanted = SpeedToArrive(line->distance, speed, *pass - age, params.decel);
+  const double advised = std::clamp(wanted, std::min(params.min_speed, limit), limit);
   return {line->signal, advised,
-          std::max(advised, speed - params.advice.decel * params.driving.response_time)};
+          std::max(advised, speed - params.decel * driving.response_time)};
 }
 
 }  // namespace lanewise

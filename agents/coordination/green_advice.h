@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "agents/agent_params.h"
+#include "agents/coordination/coordination_params.h"
 #include "agents/coordination/roadside.h"
 #include "agents/coordination/signal_timing.h"
 #include "agents/sensing/road_view.h"
@@ -35,6 +36,6 @@ inline constexpr double kExpectedAccel = 1.5;
 
 /// Green-light speed advice (GLOSA; Katsaros et al. 2011): a vehicle that hears what the signal ahead will
 /// show and who is ahead of it arrives there when it can pass.
-Advice AdviseSpeed(const World& world, const AgentParams& params, const Roadside& roadside, AgentIndex ego);
+Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingParams& driving, AgentIndex ego);
 
 }  // namespace lanewise

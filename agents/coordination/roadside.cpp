@@ -28,8 +28,8 @@ std::optional<StopLine> StopLineOf(const RoadNetwork& network, const Message& me
   return StopLine{connection.to, next.signal, next.link_index, message.link_distance + between + lane.length};
 }
 
-Roadside::Roadside(const RoadNetwork& network, const AgentParams& params)
-    : network_(network), params_(params), units_(network.signal_ids.size(), kNone) {}
+Roadside::Roadside(const RoadNetwork& network, const CoordinationParams& params, double memory)
+    : network_(network), params_(params), memory_(memory), units_(network.signal_ids.size(), kNone) {}
 
 void Roadside::Install(Channel* channel) {
   struct Sum {
@@ -84,8 +84,7 @@ void Roadside::Foresee(std::int32_t signal, const Channel& channel, SignalMessag
 }
 
 void Roadside::Broadcast(double dt, std::span<const SignalTiming> timings, Channel* channel) {
-  // A message is read within v2x.memory after it was sent.
-  const auto steps = static_cast<std::size_t>(params_.v2x.memory / dt) + 2;
+  const auto steps = static_cast<std::size_t>(memory_ / dt) + 2;
   messages_.resize(steps * units_.size());
   for (std::size_t signal = 0; signal < units_.size(); ++signal) {
     if (units_[signal] == kNone) continue;

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "agents/agent_params.h"
+#include "agents/coordination/coordination_params.h"
 #include "agents/coordination/signal_timing.h"
 #include "agents/network/road_network.h"
 #include "agents/v2x/channel.h"
@@ -42,8 +42,10 @@ struct SignalMessage {
 /// Roadside units, one at every signal: they hear the vehicles around and tell them of the signal.
 class Roadside {
  public:
-  Roadside(const RoadNetwork& network, const AgentParams& params);
+  /// @param memory [s] for which a receiver keeps a message: v2x.memory.
+  Roadside(const RoadNetwork& network, const CoordinationParams& params, double memory);
 
+  const CoordinationParams& params() const { return params_; }
   void Install(Channel* channel);
   /// By signal; kNone where a signal has no stop line.
   std::span<const StationId> units() const { return units_; }
@@ -63,7 +65,8 @@ class Roadside {
   void Foresee(std::int32_t signal, const Channel& channel, SignalMessage* message);
 
   const RoadNetwork& network_;
-  AgentParams params_;
+  CoordinationParams params_;
+  double memory_;  // [s]
   std::vector<StationId> units_;
   std::vector<SignalMessage> messages_;  // A ring: as many steps as messages are remembered, signals within.
   std::uint64_t posted_{0};

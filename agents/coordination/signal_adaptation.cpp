@@ -67,7 +67,7 @@ double PredictDelay(const AdviceParams& flow, std::span<const SignalPhase> phase
   return delay;
 }
 
-SignalPlan ChoosePlan(const AgentParams& params, std::span<const SignalPhase> phases,
+SignalPlan ChoosePlan(const CoordinationParams& params, std::span<const SignalPhase> phases,
                       std::span<const double> minimum, std::span<const double> base,
                       std::span<const LaneDemand> lanes, double begin) {
   double cycle = 0.0;
@@ -114,7 +114,7 @@ SignalPlan ChoosePlan(const AgentParams& params, std::span<const SignalPhase> ph
   return best;
 }
 
-SignalAdaptation::SignalAdaptation(const RoadNetwork& network, const AgentParams& params)
+SignalAdaptation::SignalAdaptation(const RoadNetwork& network, const CoordinationParams& params)
     : network_(network), params_(params), signals_(network.signal_ids.size()) {}
 
 void SignalAdaptation::ReadProgram(std::int32_t index, const SignalTiming& program) {

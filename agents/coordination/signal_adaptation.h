@@ -5,7 +5,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "agents/agent_params.h"
+#include "agents/coordination/coordination_params.h"
 #include "agents/coordination/roadside.h"
 #include "agents/coordination/signal_timing.h"
 #include "agents/network/road_network.h"
@@ -37,7 +37,7 @@ struct SignalPlan {
 
 /// Of the present plan and its neighbours - a few seconds moved from one green to another, the cycle once
 /// longer or shorter - the one with the least predicted delay. `minimum` by phase, as MinimumDurations.
-SignalPlan ChoosePlan(const AgentParams& params, std::span<const SignalPhase> phases,
+SignalPlan ChoosePlan(const CoordinationParams& params, std::span<const SignalPhase> phases,
                       std::span<const double> minimum, std::span<const double> base,
                       std::span<const LaneDemand> lanes, double begin);
 
@@ -52,7 +52,7 @@ class SignalAdaptation {
     double offset_change{0.0};      ///< [s] by which this cycle is longer than the program's.
   };
 
-  SignalAdaptation(const RoadNetwork& network, const AgentParams& params);
+  SignalAdaptation(const RoadNetwork& network, const CoordinationParams& params);
 
   /// After an Exchange. `programs` are the signals' own times, `timings` what they do now, by signal.
   /// @throws ConfigError if the program of a signal violates safety times.
@@ -76,7 +76,7 @@ class SignalAdaptation {
   void Listen(double time, std::int32_t signal, const Roadside& roadside, const Channel& channel);
 
   const RoadNetwork& network_;
-  AgentParams params_;
+  CoordinationParams params_;
   std::vector<Signal> signals_;
   std::vector<Change> changes_;
 };

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "agents/agent_params.h"
+#include "agents/coordination/coordination_params.h"
 #include "agents/coordination/signal_timing.h"
 #include "agents/network/road_network.h"
 

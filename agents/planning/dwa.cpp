@@ -225,14 +225,23 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
   const int padded = RoundUp(courses->count);
   const VehicleParams& vehicle = *c.vehicle;
   const double comfort_decel = std::min(params.driving.comfort_decel, vehicle.max_decel);
-  const auto limits = [&](double gap, double leader_speed) {
+  const auto limits = [&](double gap, double leader_speed, bool cruised) {
     const double room = gap - vehicle.min_gap;
-    const double safe = SafeSpeed(room, leader_speed, vehicle.max_decel, vehicle.time_gap);
-    return std::pair{std::min(safe, SafeSpeed(room, leader_speed, comfort_decel, vehicle.time_gap)), safe};
+    double reaction = c.time_gap;
+    if (cruised) {
+      // Who hears of the leader's braking at once need not keep the time to notice it; but if the leader
+      // brakes harder than the ego can, it stops as from a lower speed.
+      reaction = params.v2x.cruise_reaction;
+      leader_speed *= std::sqrt(std::min(1.0, vehicle.max_decel / c.leader_decel));
+    }
+    const double safe = SafeSpeed(room, leader_speed, vehicle.max_decel, reaction);
+    return std::pair{std::min(safe, SafeSpeed(room, leader_speed, comfort_decel, reaction)), safe};
   };
-  const auto [lane_comfort, lane_safe] = limits(c.leader_gap, c.leader_speed);
-  std::fill_n(courses->comfort_speed.begin(), padded,
-              static_cast<float>(std::min(c.free_speed, lane_comfort)));
+  const auto [lane_comfort, lane_safe] = limits(c.leader_gap, c.leader_speed, c.cruising);
+  double wanted = std::min(c.free_speed, lane_comfort);
+  if (c.cruising)
+    wanted = std::min(wanted, std::max(0.0, c.speed + c.cruise_accel * params.driving.response_time));
+  std::fill_n(courses->comfort_speed.begin(), padded, static_cast<float>(wanted));
   std::fill_n(courses->safe_speed.begin(), padded, static_cast<float>(lane_safe));
   std::fill_n(courses->clearance.begin(), padded, 1e3f);
   courses->leader_gap = static_cast<float>(c.leader_gap);
@@ -248,7 +257,8 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     // Who comes towards us needs room to stop, too.
     const double oncoming = std::max(0.0, -static_cast<double>(o.speed_s));
     const double its_way = oncoming * vehicle.time_gap + oncoming * oncoming / (2.0 * vehicle.max_decel);
-    const auto [comfort, safe] = limits(gap - its_way, std::max(0.0f, o.speed_s));
+    const auto [comfort, safe] =
+        limits(gap - its_way, std::max(0.0f, o.speed_s), c.cruising && o.row == c.leader_row);
     // What moves across sweeps a band until the ego is there.
     const float drift = o.speed_d * std::min(o.drift_time, gap / std::max(1.0f, static_cast<float>(c.speed)));
     const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift) - half_width;
@@ -345,9 +355,8 @@ Plan PlanIdm(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   RollOutCourses(params.driving, scratch->view, c, 1, &courses);
   LimitCourseSpeeds(params, scratch->view, c, &courses);
   const VehicleParams& vehicle = *c.vehicle;
-  const double accel =
-      IdmAccel(c.speed, c.free_speed, courses.leader_gap, courses.leader_speed, vehicle.max_accel,
-               params.driving.comfort_decel, vehicle.time_gap, vehicle.min_gap);
+  const double accel = IdmAccel(c.speed, c.free_speed, courses.leader_gap, courses.leader_speed,
+                                vehicle.max_accel, params.driving.comfort_decel, c.time_gap, vehicle.min_gap);
   return {std::clamp(accel, -vehicle.emergency_decel, vehicle.max_accel), c.target_d, PlanStatus::kOk};
 }
 

@@ -44,6 +44,8 @@ void CheckV2xParams(const V2xParams& p) {
   at_most("v2x.latency_mean", p.latency_mean, "v2x.latency_max", p.latency_max, "s");
   at_most("v2x.latency_max", p.latency_max, "v2x.memory", p.memory, "s");
   at_most("v2x.cam_min_interval", p.cam_min_interval, "v2x.cam_max_interval", p.cam_max_interval, "s");
+  at_most("v2x.cruise_max_age", p.cruise_max_age, "v2x.memory", p.memory, "s");
+  at_most("v2x.cruise_reaction", p.cruise_reaction, "v2x.cruise_gap", p.cruise_gap, "s");
   at_most("v2x.range", p.range, "v2x.carrier_sense_range", p.carrier_sense_range, "m");
 }
 
@@ -86,6 +88,7 @@ void Channel::Exchange(double dt, const Traffic& traffic) {
     scratch_.resize(static_cast<std::size_t>(omp_get_max_threads()));
   for (Scratch& scratch : scratch_) scratch.counts.age_histogram.resize(log_.size());
   EnrollVehicles(traffic);
+  NoteFollowers(traffic);
   Generate(dt, traffic);
   if (level_ != V2xLevel::kIdeal) {
     grid_.Build(sender_x_, sender_y_);
@@ -116,6 +119,8 @@ std::size_t Channel::Enroll(StationId id, std::uint64_t key) {
   station.id = id;
   station.key = key;
   station.busy = 0.0;
+  station.follows = kNone;
+  station.followed = -1;
   station.cam = {};
   station.cam.t_gen_cam = params_.cam_max_interval;
   station.inbox.Clear();
@@ -154,10 +159,11 @@ void Channel::EnrollVehicles(const Traffic& traffic) {
   }
 }
 
-bool Channel::MustSend(double dt, const Motion& now, std::size_t row, CamState* cam) const {
+bool Channel::MustSend(double dt, const Motion& now, std::size_t row, bool in_platoon, CamState* cam) const {
   if (cam->last_step < 0) return true;
   const double elapsed = (step_ - cam->last_step) * dt + kTimeTolerance;
   if (elapsed < params_.cam_min_interval) return false;
+  if (in_platoon) return true;
   const bool changed = std::abs(WrapAngle(now.heading[row] - cam->heading)) > params_.cam_heading ||
                        std::hypot(now.x[row] - cam->x, now.y[row] - cam->y) > params_.cam_position ||
                        std::abs(now.speed[row] - cam->speed) > params_.cam_speed;
@@ -192,6 +198,8 @@ Message Channel::Describe(const Traffic& traffic, std::size_t row, std::uint64_t
   m.lane = now.lane[row];
   m.lane_change = now.blinker[row];
   m.planned_accel = static_cast<float>(now.planned_accel[row]);
+  m.planned_jerk = static_cast<float>(now.planned_jerk[row]);
+  m.follows = now.follows[row];
   const Lane& lane = network_.lanes[m.lane];
   const RoutePlan* plan = traffic.plan[row];
   const auto position = static_cast<std::size_t>(traffic.route_position[row]);
@@ -224,6 +232,25 @@ void Channel::Send(Station* station, const Message& message, double bytes) {
   sender_y_.push_back(station->y);
 }
 
+void Channel::NoteFollowers(const Traffic& traffic) {
+  for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
+    const StationId leader = traffic.now.follows[row];
+    Station& own =
+        stations_[static_cast<std::size_t>(vehicle_slot_[static_cast<std::size_t>(traffic.number[row])])];
+    if (leader != own.follows) {
+      counts_.platoon_joins += leader != kNone;
+      counts_.platoon_leaves += own.follows != kNone;
+      own.follows = leader;
+    }
+    // It may have left meanwhile.
+    if (leader == kNone || Find(leader) == nullptr) continue;
+    ++counts_.cruise_steps;
+    const auto heard = LastFrom(leader, traffic.number[row]);
+    if (heard && heard->message->follows == leader)
+      stations_[static_cast<std::size_t>(vehicle_slot_[static_cast<std::size_t>(leader)])].followed = step_;
+  }
+}
+
 void Channel::Generate(double dt, const Traffic& traffic) {
   std::vector<Message>& messages = log_[static_cast<std::size_t>(step_) % log_.size()];
   messages.clear();
@@ -234,7 +261,9 @@ void Channel::Generate(double dt, const Traffic& traffic) {
   for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
     Station& station =
         stations_[static_cast<std::size_t>(vehicle_slot_[static_cast<std::size_t>(traffic.number[row])])];
-    if (!station.on_air || !MustSend(dt, traffic.now, row, &station.cam)) continue;
+    if (!station.on_air) continue;
+    const bool in_platoon = traffic.now.follows[row] != kNone || station.followed == step_;
+    if (!MustSend(dt, traffic.now, row, in_platoon, &station.cam)) continue;
     station.cam.last_step = step_;
     station.cam.x = station.x;
     station.cam.y = station.y;
@@ -340,10 +369,11 @@ void Channel::Gather() {
     std::fill(part.age_histogram.begin(), part.age_histogram.end(), 0);
   }
   if (level_ != V2xLevel::kLoaded) return;
+  counts_.step_busy_max = 0.0;
   for (const Station& station : stations_) {  // In order of slots, so that the sum is the same for any team.
     if (!station.on_air) continue;
     counts_.busy_sum += station.busy;
-    counts_.busy_max = std::max(counts_.busy_max, station.busy);
+    counts_.step_busy_max = std::max(counts_.step_busy_max, station.busy);
   }
 }
 

@@ -46,7 +46,9 @@ struct ChannelCounts {
   std::int64_t age_count{0}, age_steps{0};
   /// age_histogram[k]: pairs and steps at which it was k steps old.
   std::vector<std::int64_t> age_histogram;
-  double busy_sum{0.0}, busy_max{0.0};  ///< Channel busy ratio, over station_steps; kLoaded only.
+  double busy_sum{0.0}, step_busy_max{0.0};  ///< Channel busy ratio, over station_steps and of the last step.
+  std::int64_t cruise_steps{0};              ///< Vehicles that follow by cooperative cruise, over steps.
+  std::int64_t platoon_joins{0}, platoon_leaves{0};
 };
 
 /// The radio channel. Vehicles that carry a radio send cooperative awareness messages by the trigger rules of
@@ -98,6 +100,8 @@ class Channel {
     std::int32_t seen{-1};  // Last step in which it was there.
     double x{0.0}, y{0.0};  // [m]
     double busy{0.0};
+    StationId follows{kNone};   // By cooperative cruise.
+    std::int32_t followed{-1};  // Last step in which it knew of one that cruises behind it.
     CamState cam;
     Inbox inbox;
     Inbox::Entry latest;  // Its own last message, for kIdeal.
@@ -125,7 +129,9 @@ class Channel {
 
   std::size_t Enroll(StationId id, std::uint64_t key);
   void EnrollVehicles(const Traffic& traffic);
-  bool MustSend(double dt, const Motion& now, std::size_t row, CamState* cam) const;
+  /// Notes for each vehicle whether it knows by a message that another one cruises behind it.
+  void NoteFollowers(const Traffic& traffic);
+  bool MustSend(double dt, const Motion& now, std::size_t row, bool in_platoon, CamState* cam) const;
   Message Describe(const Traffic& traffic, std::size_t row, std::uint64_t key) const;
   void Send(Station* station, const Message& message, double bytes);
   void Generate(double dt, const Traffic& traffic);

@@ -35,6 +35,8 @@ struct Message {
   // Intent.
   std::int8_t lane_change{0};  ///< Side it asks for: +1 left, -1 right, 0.
   float planned_accel{0.0f};   ///< [m/s^2] its plan of the last step.
+  float planned_jerk{0.0f};    ///< [m/s^3] how that changed.
+  StationId follows{kNone};    ///< Whom it follows by cooperative cruise.
 };
 
 /// A message as its receiver has it.

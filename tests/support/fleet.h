@@ -46,7 +46,8 @@ class Fleet {
     now.s[row] = s;
     now.speed[row] = now.speed_ref[row] = speed;
     now.since_change[row] = 100.0f;
-    now.yielded_to[row] = kNone;
+    now.yielded_to[row] = now.follows[row] = kNone;
+    now.time_gap[row] = vehicle.time_gap;
     traffic.speed_limit[row] = network_.lanes[now.lane[row]].speed_limit;
     guarded_.push_back(0);
     pipeline_.UpdatePoses(&traffic);

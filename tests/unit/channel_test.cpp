@@ -203,7 +203,7 @@ TEST_P(ChannelLevels, AgreesWithAllPairs) {
   EXPECT_GT(channel.counts().fates[0], 0);
   if (GetParam() == V2xLevel::kLoaded) {
     for (const std::int64_t count : reference.fates) EXPECT_GT(count, 0);
-    EXPECT_GT(channel.counts().busy_max, 0.1);
+    EXPECT_GT(channel.counts().step_busy_max, 0.1);
   }
 }
 

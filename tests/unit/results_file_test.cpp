@@ -201,7 +201,7 @@ TEST_F(ResultsFileTest, FormatsInfoAndComparison) {
   { RunWriter(ResultsFile::Open(path_, Mode::kAppend), Info("sumo")); }
   const std::vector<RunSummary> runs = LoadRunSummaries(path_);
   const std::string info = FormatInfo(path_, runs);
-  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 4, 2 runs");
+  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 5, 2 runs");
   EXPECT_CONTAINS(info, "0000000000abcdef");
   EXPECT_EQ(FormatComparison(runs),
             "policy                                    dwa    sumo\n"
