@@ -376,7 +376,7 @@ std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
       "seed, begin_s, end_s, step_length_s, threads, sumo_options, arguments_json, parameters_json, "
       "input_hashes_json, config_text, lanewise_version, git_commit, sumo_version, compiler, machine) VALUES "
       "(strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Binder bind(&insert);
   bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.v2x, info.coordination,
        info.safety, info.seed, info.begin, info.end, info.step_length, info.threads, info.sumo_options,

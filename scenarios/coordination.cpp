@@ -1,6 +1,6 @@
 #include "scenarios/coordination.h"
 
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -47,11 +47,11 @@ CoordinationSwitches ParseCoordination(std::string_view list) {
 }
 
 std::string CoordinationText(const CoordinationSwitches& switches) {
-  std::string text;
+  std::vector<std::string_view> names;
   for (const Switch& s : kSwitches) {
-    if (switches.*s.member) text += (text.empty() ? "" : ",") + std::string(s.name);
+    if (switches.*s.member) names.emplace_back(s.name);
   }
-  return text.empty() ? "none" : text;
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ","));
 }
 
 Coordination::Coordination(const RoadNetwork& network, const CoordinationParams& params,
