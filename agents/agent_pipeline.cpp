@@ -176,6 +176,7 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   if (rules_) rules_->Build(world);
   commands->Resize(n);
   channel_.Exchange(dt, *traffic);
+  advice_.assign(traffic->vehicle_count, {});
 #pragma omp parallel for schedule(dynamic, 16) if (n >= kMinParallelAgents)
   for (std::size_t i = 0; i < traffic->vehicle_count; ++i) {
     if (!traffic->driven[i]) continue;
@@ -214,7 +215,9 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   context.corridor_max = tactics.corridor_max;
   RuleAnswer rule;
   if (rules_) rule = rules_->Decide(world, i, way, leader, dt);
-  context.free_speed = std::min({FreeSpeed(world, i, driving, way), tactics.speed_cap, rule.speed_cap});
+  if (roadside_ != nullptr) advice_[i] = AdviseSpeed(world, *roadside_, driving, i);
+  context.free_speed =
+      std::min({FreeSpeed(world, i, driving, way), tactics.speed_cap, rule.speed_cap, advice_[i].speed_cap});
   context.vehicle = &vehicle;
   const double horizon = std::max(
       {10.0, speed * params_.dwa.horizon + 4.0, speed * speed / (2.0 * vehicle.max_decel) + speed + 5.0});
@@ -250,10 +253,10 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   }
 
   // Control.
-  const bool emergency = avoided.emergency || rule.emergency ||
-                         (plan.status == PlanStatus::kNoFeasibleCommand &&
-                                               speed > SafeSpeed(leader_gap - 0.3, leader_speed,
-                                                                 vehicle.emergency_decel - 1.0, 0.25));
+  const bool emergency =
+      avoided.emergency || rule.emergency ||
+      (plan.status == PlanStatus::kNoFeasibleCommand &&
+       speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25));
   next.speed_pid[i] = now.speed_pid[i];
   next.steering_pid[i] = now.steering_pid[i];
   const double accel = ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed,

@@ -1,10 +1,13 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "agents/agent_params.h"
 #include "agents/avoider.h"
+#include "agents/coordination/green_advice.h"
+#include "agents/coordination/roadside.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
 #include "agents/planning/dwa.h"
@@ -37,6 +40,10 @@ class AgentPipeline {
   Channel& channel() { return channel_; }
   /// Null while SUMO answers for the rules.
   const JunctionRules* rules() const { return rules_.get(); }
+  /// Has the agents take green-light advice from these units from now on.
+  void AdviseBy(const Roadside* roadside) { roadside_ = roadside; }
+  /// By row: what the agents were advised in the last step.
+  std::span<const Advice> advice() const { return advice_; }
 
  private:
   void StepAgent(const World& world, AgentIndex i, double dt, bool guarded, PlanScratch* scratch,
@@ -50,6 +57,8 @@ class AgentPipeline {
   Avoider avoider_;
   Channel channel_;
   std::unique_ptr<JunctionRules> rules_;  // Null: SUMO answers for them.
+  const Roadside* roadside_{nullptr};     // Null: no advice.
+  std::vector<Advice> advice_;            // By row.
   std::vector<double> center_x_, center_y_;
   std::vector<std::unique_ptr<PlanScratch>> scratch_;  // By thread.
 };

@@ -171,6 +171,10 @@ std::optional<std::int32_t> OrNull(std::int32_t number) {
   return number == kNone ? std::nullopt : std::optional(number);
 }
 
+std::optional<std::string> OrNull(const std::string& text) {
+  return text.empty() ? std::nullopt : std::optional(text);
+}
+
 // What goes into which table. Values in the order of the table's columns, run_id first.
 
 const char* TableOf(const VehicleRow&) {
@@ -284,6 +288,14 @@ void BindRow(const HistogramRow& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.policy, r.measure, r.bin, r.lower, r.upper, r.vehicle_time);
 }
 
+const char* TableOf(const CoordinationEvent&) {
+  return "coordination_event";
+}
+void BindRow(const CoordinationEvent& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.time, std::string(kCoordinationKindNames[static_cast<std::size_t>(r.kind)]),
+       OrNull(r.vehicle), OrNull(r.signal), r.value);
+}
+
 const char* TableOf(const StepSummaryRow&) {
   return "step_summary";
 }
@@ -356,24 +368,22 @@ void LimitFileSize(std::int64_t max_bytes, SQLite::Database* database) {
       .executeStep();
 }
 
-std::optional<std::string> OrNull(const std::string& text) {
-  return text.empty() ? std::nullopt : std::optional(text);
-}
-
 std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
   SQLite::Statement insert(
       *database,
       "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, rules, v2x, "
+      "coordination, "
       "safety, "
       "seed, begin_s, end_s, step_length_s, threads, sumo_options, arguments_json, parameters_json, "
       "input_hashes_json, config_text, lanewise_version, git_commit, sumo_version, compiler, machine) VALUES "
       "(strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
-      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Binder bind(&insert);
-  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.v2x, info.safety,
-       info.seed, info.begin, info.end, info.step_length, info.threads, info.sumo_options,
-       info.arguments_json, info.parameters_json, info.input_hashes_json, OrNull(info.config_text),
-       info.lanewise_version, info.git_commit, info.sumo_version, info.compiler, info.machine);
+  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.v2x,
+       info.coordination, info.safety, info.seed, info.begin, info.end, info.step_length, info.threads,
+       info.sumo_options, info.arguments_json, info.parameters_json, info.input_hashes_json,
+       OrNull(info.config_text), info.lanewise_version, info.git_commit, info.sumo_version, info.compiler,
+       info.machine);
   insert.exec();
   return database->getLastInsertRowid();
 }
@@ -524,6 +534,7 @@ template void RunWriter::Add(const std::vector<EdgeIntervalRow>&);
 template void RunWriter::Add(const std::vector<HistogramRow>&);
 template void RunWriter::Add(const std::vector<V2xIntervalRow>&);
 template void RunWriter::Add(const std::vector<V2xAgeRow>&);
+template void RunWriter::Add(const std::vector<CoordinationEvent>&);
 
 void RunWriter::WriteLoop() {
   const std::chrono::duration<double> interval(params_.commit_interval);
@@ -656,7 +667,8 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
   return Guarded(path, [&] {
     SQLite::Statement query(
         file.database(),
-        "SELECT run_id, scenario, policy, rules, v2x, seed, status, started_at, inserted, trajectory_rows, "
+        "SELECT run_id, scenario, policy, rules, v2x, coordination, seed, status, started_at, inserted, "
+        "trajectory_rows, "
         "state_hash, "
         "arrived, mean_duration_s, mean_time_loss_s, distance_km, co2_kg, co2_g_per_km, hard_braking_count, "
         "collisions, agent_striking_outside_junctions, collisions_in_junctions, near_misses, min_ttc_s, "
@@ -672,6 +684,7 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
       run.policy = next().getString();
       run.rules = next().getString();
       run.v2x = next().getString();
+      run.coordination = next().getString();
       run.seed = next().getInt64();
       run.status = next().getString();
       run.started_at = next().getString();
@@ -697,13 +710,14 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
 }
 
 std::string FormatInfo(const fs::path& path, std::span<const RunSummary> runs) {
-  std::vector<std::vector<std::string>> lines = {{"run", "started (UTC)", "status", "scenario", "policy",
-                                                  "rules", "v2x", "seed", "inserted", "arrived", "collisions",
-                                                  "near misses", "detours", "trajectory rows", "state hash"}};
+  std::vector<std::vector<std::string>> lines = {
+      {"run", "started (UTC)", "status", "scenario", "policy", "rules", "v2x", "coordination", "seed",
+       "inserted", "arrived", "collisions", "near misses", "detours", "trajectory rows", "state hash"}};
   for (const RunSummary& run : runs) {
     lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.rules,
-                     run.v2x, Cell(run.seed), Cell(run.inserted), Cell(run.arrived), Cell(run.collisions),
-                     Cell(run.near_misses), Cell(run.detours), Cell(run.trajectory_rows), run.state_hash.value_or("-")});
+                     run.v2x, run.coordination, Cell(run.seed), Cell(run.inserted), Cell(run.arrived),
+                     Cell(run.collisions), Cell(run.near_misses), Cell(run.detours),
+                     Cell(run.trajectory_rows), run.state_hash.value_or("-")});
   }
   return fmt::format("{}: Lanewise results, schema {}, {} run{}\n{}", path.string(), kSchemaVersion,
                      runs.size(), runs.size() == 1 ? "" : "s", FormatTable(lines));

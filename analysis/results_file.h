@@ -16,6 +16,7 @@
 
 #include "agents/core/types.h"
 #include "analysis/comfort_histogram.h"
+#include "analysis/coordination_event.h"
 #include "analysis/edge_recorder.h"
 #include "analysis/encounter.h"
 #include "analysis/safety_monitor.h"
@@ -70,7 +71,8 @@ struct RunInfo {
   std::string scenario{};
   std::string config_file{};
   std::string policy{};
-  double penetration{1.0};  ///< Share of vehicles given the policy, as asked for.
+  double penetration{1.0};           ///< Share of vehicles given the policy, as asked for.
+  std::string coordination{"none"};  ///< What the roadside units coordinate, as asked for.
   std::string rules{};
   std::string v2x{"off"};      ///< How much of a radio channel there is.
   std::string safety{"full"};  ///< What is watched: off, contacts, full.
@@ -187,8 +189,8 @@ class RunWriter {
   std::int64_t run_id() const { return run_id_; }
 
   /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
-  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow, V2xIntervalRow or V2xAgeRow. Waits while the
-  /// queue is full.
+  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow, V2xIntervalRow, V2xAgeRow or
+  /// CoordinationEvent. Waits while the queue is full.
   template <class Row>
   void Add(const std::vector<Row>& rows);
 
@@ -199,11 +201,12 @@ class RunWriter {
   void EndAs(RunStatus status, std::string message);
 
  private:
-  using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>,
-                          std::vector<TripRow>, std::vector<TrajectoryRow>, std::vector<Contact>,
-                          std::vector<Encounter>, std::vector<EncounterSample>, std::vector<StepSummaryRow>,
-                          std::vector<StepHashRow>, std::vector<EdgeIntervalRow>, std::vector<HistogramRow>,
-                          std::vector<V2xIntervalRow>, std::vector<V2xAgeRow>>;
+  using Rows =
+      std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>, std::vector<TripRow>,
+                 std::vector<TrajectoryRow>, std::vector<Contact>, std::vector<Encounter>,
+                 std::vector<EncounterSample>, std::vector<StepSummaryRow>, std::vector<StepHashRow>,
+                 std::vector<EdgeIntervalRow>, std::vector<HistogramRow>, std::vector<V2xIntervalRow>,
+                 std::vector<V2xAgeRow>, std::vector<CoordinationEvent>>;
 
   void WriteLoop();
   void Write(const Rows& rows);
@@ -234,6 +237,7 @@ struct RunSummary {
   std::int64_t run_id{0};
   std::string scenario{};
   std::string policy{};
+  std::string coordination{};
   std::string rules{};
   std::string v2x{};
   std::int64_t seed{0};

@@ -18,6 +18,7 @@ CREATE TABLE run (
   penetration_rate REAL NOT NULL,      -- Share of vehicles given the policy, as asked for; 1: all that may have one.
   rules TEXT NOT NULL,                 -- Who answers for signals and right of way: 'agent' or 'sumo'.
   v2x TEXT NOT NULL CHECK (v2x IN ('off', 'ideal', 'range', 'lossy', 'loaded')),  -- How much of a radio channel.
+  coordination TEXT NOT NULL,          -- What the roadside units coordinate, as asked for; 'none' or names with commas.
   safety TEXT NOT NULL CHECK (safety IN ('off', 'contacts', 'full')),  -- What was watched; off: no collisions known.
   seed INTEGER NOT NULL,
   begin_s REAL NOT NULL,
@@ -315,6 +316,19 @@ CREATE TABLE v2x_age (
   PRIMARY KEY (run_id, age_s)
 ) WITHOUT ROWID;
 
+-- What coordination over the roadside units did (`--coordinate`).
+CREATE TABLE coordination_event (
+  run_id INTEGER NOT NULL REFERENCES run,
+  time_s REAL NOT NULL,
+  kind TEXT NOT NULL CHECK (kind IN ('advice_followed', 'advice_missed', 'signal_plan', 'signal_offset', 'reroute', 'hold',
+                                     'release')),
+  vehicle_number INTEGER,              -- NULL: a signal's.
+  signal TEXT,                         -- SUMO's id; NULL: no signal's.
+  value REAL NOT NULL                  -- advice: least advised speed [m/s]; plan: s moved between greens, against the program;
+                                       -- offset: s by which the cycle differed; reroute: s expected to be gained.
+);
+CREATE INDEX coordination_event_of_run ON coordination_event (run_id, kind);
+
 -- Did SUMO do what the agents commanded? Differences by cause.
 CREATE TABLE audit (
   run_id INTEGER NOT NULL REFERENCES run,
@@ -369,7 +383,7 @@ CREATE TABLE merged_run (
 -- One row a run for comparisons. Trip means are over arrived vehicles; distance and emissions over all. Counts of
 -- what was not watched (run.safety) are NULL.
 CREATE VIEW v_run_summary AS
-SELECT run.run_id, run.scenario, run.policy, run.rules, run.v2x, run.seed, run.status, run.started_at,
+SELECT run.run_id, run.scenario, run.policy, run.rules, run.v2x, run.coordination, run.seed, run.status, run.started_at,
        run.simulated_time_s, run.wall_time_s, run.inserted, run.still_running, run.not_inserted, run.teleported,
        run.trajectory_rows, run.state_hash,
        COALESCE(t.arrived, 0) AS arrived, t.mean_duration_s, t.mean_time_loss_s, t.mean_waiting_time_s,

@@ -46,6 +46,11 @@ CREATE VIEW v_run_metrics (
   v2x_age_s,                -- Mean age of information.
   v2x_busy_ratio,           -- Mean channel busy ratio.
   cruise_share,             -- Of the agents' driving time: following by cooperative cruise.
+  advised,                  -- Approaches to a signal with green-light advice.
+  advice_followed,          -- Share of them without a stop.
+  signal_changes,           -- Cycles that differed from their program, in split or offset.
+  reroutes,
+  holds,
   stops_per_h,              -- Here and below: per hour driven by all vehicles together.
   contacts_per_1000h,
   junction_contacts_per_1000h,
@@ -76,6 +81,8 @@ SELECT run.run_id, run.scenario, run.policy, run.seed, run.status,
        1e2 * t.hard_braking / t.some_km, t.jerk_mps3, t.max_lateral_accel_mps2,
        t.co2_g / t.some_km, t.nox_g / t.some_km, t.pmx_g / t.some_km, t.fuel_g / t.some_km, t.electricity_wh / t.some_km,
        v.sent / v.station_time_s, v.delivered * 1.0 / v.heard, v.age_s, v.busy_ratio, v.cruise_time_s / NULLIF(run.agent_steps * run.step_length_s, 0.0),
+       COALESCE(k.advised, 0), k.followed * 1.0 / NULLIF(k.advised, 0), COALESCE(k.signal_changes, 0),
+       COALESCE(k.reroutes, 0), COALESCE(k.holds, 0),
        t.stops / t.some_h,
        CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.outside, 0) / t.some_h END,
        CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.inside, 0) / t.some_h END,
@@ -107,6 +114,11 @@ LEFT JOIN (SELECT run_id, SUM(NOT in_junction) AS outside, SUM(in_junction) AS i
            FROM collision GROUP BY run_id) AS c ON c.run_id = run.run_id
 LEFT JOIN (SELECT run_id, COUNT(*) AS encounters, SUM(near_miss) AS near_misses, SUM(severity >= 2) AS serious
            FROM encounter GROUP BY run_id) AS e ON e.run_id = run.run_id
+LEFT JOIN (SELECT run_id, SUM(kind IN ('advice_followed', 'advice_missed')) AS advised,
+                  SUM(kind = 'advice_followed') AS followed, SUM(kind = 'reroute') AS reroutes, SUM(kind = 'hold') AS holds,
+                  COUNT(DISTINCT CASE WHEN kind IN ('signal_plan', 'signal_offset') THEN signal || time_s END)
+                    AS signal_changes
+           FROM coordination_event GROUP BY run_id) AS k ON k.run_id = run.run_id
 LEFT JOIN (SELECT run_id, SUM(CASE WHEN policy <> 'sumo' THEN vehicles ELSE 0 END) * 1.0
                   / NULLIF(SUM(vehicles), 0) AS agent_share
            FROM policy_share GROUP BY run_id) AS shares ON shares.run_id = run.run_id

@@ -66,6 +66,12 @@ constexpr MetricInfo kMetrics[] = {
     {"v2x_busy_ratio", "V2X channel busy ratio [-]", Better::kLower, false, "mean over stations and time"},
     {"cruise_share", "cooperative cruise [-]", Better::kNeither, false,
      "share of the agents' driving time behind a leader that tells what it is about to do"},
+    {"advised", "advised approaches", Better::kNeither, false, "to a signal, with green-light advice"},
+    {"advice_followed", "advice followed [-]", Better::kHigher, false, "share of them without a stop"},
+    {"signal_changes", "signal changes", Better::kNeither, false,
+     "cycles with another split or offset than the program's"},
+    {"reroutes", "reroutes", Better::kNeither, false, "routes taken around crowded edges"},
+    {"holds", "holds", Better::kNeither, false, "departures held back"},
     {"teleported", "teleports", Better::kLower, false, "vehicles SUMO lifted out of a jam"},
     {"stops_per_h", "stops [1/h]", Better::kLower, false, "per hour driven by all vehicles together"},
     {"contacts_per_1000h", "contacts, mid-block [1/1000 h]", Better::kLower, false, "likewise"},
@@ -131,8 +137,8 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
   for (const MetricInfo& metric : kMetrics) columns += fmt::format(", m.{}", metric.name);
   SQLite::Statement query(
       database,
-      "SELECT run.run_id, run.scenario, run.policy, run.penetration_rate, run.rules, run.v2x, run.seed, "
-      "run.status, "
+      "SELECT run.run_id, run.scenario, run.policy, run.penetration_rate, run.rules, run.v2x, "
+      "run.coordination, run.seed, run.status, "
       "run.message, "
       "run.sumo_options, "
       "run.parameters_json, run.input_hashes_json, run.config_file, run.lanewise_version, run.git_commit, "
@@ -156,6 +162,7 @@ void LoadFile(const fs::path& path, std::vector<RunRecord>* runs) {
     run.penetration = next().getDouble();
     run.rules = text();
     run.v2x = text();
+    run.coordination = text();
     run.seed = next().getInt64();
     run.status = text();
     run.message = text();
@@ -292,6 +299,8 @@ void LabelRuns(bool by_file, std::vector<RunRecord>* runs) {
     const std::vector<std::string> parameters = Differences(same);
     for (std::size_t i = 0; i < same.size(); ++i) {
       std::string detail = native ? "" : parameters[i];
+      if (!native && same[i]->coordination != "none")
+        detail += fmt::format("{}{}", detail.empty() ? "" : ", ", same[i]->coordination);
       if (!native && rules.size() > 1)
         detail += fmt::format("{}rules={}", detail.empty() ? "" : ", ", same[i]->rules);
       if (!native && radios.size() > 1)

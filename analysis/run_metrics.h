@@ -38,9 +38,10 @@ struct RunRecord {
   std::filesystem::path file{};
   std::int64_t run_id{0};
   std::string scenario{};
-  std::string policy{};     ///< As asked for.
-  std::string label{};      ///< What it is compared as: see LabelRuns.
-  double penetration{1.0};  ///< As asked for.
+  std::string policy{};        ///< As asked for.
+  std::string label{};         ///< What it is compared as: see LabelRuns.
+  double penetration{1.0};     ///< As asked for.
+  std::string coordination{};  ///< As asked for.
   std::string rules{};
   std::string v2x{};  ///< How much of a radio channel there was.
   std::int64_t seed{0};

@@ -27,6 +27,11 @@ constexpr int kNoChecks = 32;
 constexpr int kSumoLaneChanges = 1621;
 constexpr int kNoLaneChanges = 0;
 
+// Vehicle::setStop: beside the road; and the bit of getStopState that tells of it.
+constexpr int kParkingStop = 1;
+constexpr int kIsParking = 2;
+
+constexpr double kParkingRoom = 1.0;    // [m]
 constexpr double kDeadEndView = 30.0;   // [m]
 constexpr double kLaneEndZone = 10.0;   // [m]
 constexpr double kStandingSpeed = 0.1;  // [m/s]
@@ -572,6 +577,43 @@ bool VehicleBridge::NeedsGuard(std::size_t row, const Traffic& traffic) const {
     }
     lane = next;
   }
+}
+
+bool VehicleBridge::SetRoute(std::size_t row, std::span<const EdgeIndex> route, Traffic* traffic) {
+  std::vector<std::string> edges;
+  for (const EdgeIndex edge : route) edges.push_back(network_.edges[edge].id);
+  try {
+    SumoVehicle::setRoute(records_[row].id, edges);
+  } catch (const libsumo::TraCIException&) {
+    return false;
+  }
+  Replan(row, traffic);
+  return true;
+}
+
+bool VehicleBridge::Hold(std::size_t row, double duration, Traffic* traffic) {
+  const Lane& lane = network_.lanes[traffic->now.lane[row]];
+  const double speed = traffic->now.speed[row];
+  const double end =
+      traffic->now.s[row] + speed * speed / (2.0 * traffic->params[row].max_decel) + kParkingRoom;
+  if (end > lane.length) return false;
+  try {
+    SumoVehicle::setStop(records_[row].id, network_.edges[lane.edge].id, end, lane.index, duration,
+                         kParkingStop);
+  } catch (const libsumo::TraCIException&) {
+    return false;
+  }
+  coupled_[row].stops.insert(coupled_[row].stops.begin(), {traffic->now.lane[row], end});
+  UpdateStops(row, traffic);
+  traffic->driven[row] = traffic->policy[row] != Policy::kSumo && !coupled_[row].handed_back;
+  return true;
+}
+
+bool VehicleBridge::Release(std::size_t row) {
+  const std::string& id = records_[row].id;
+  if ((SumoVehicle::getStopState(id) & kIsParking) == 0) return false;
+  SumoVehicle::resume(id);
+  return true;
 }
 
 void VehicleBridge::SetChecks(std::size_t row, bool on) {

@@ -62,8 +62,15 @@ class VehicleBridge {
   /// Before a SUMO step: hands the agents' commands over.
   void Write(double dt, Traffic* traffic, const Commands& commands);
 
-  /// By row: at the junction ahead of this vehicle the rules say who goes first; with Rules::kSumo SUMO's checks
-  /// are on in the coming step.
+  /// Gives a vehicle a route, from the edge it is on. @return false if SUMO refused.
+  bool SetRoute(std::size_t row, std::span<const EdgeIndex> route, Traffic* traffic);
+  /// Parks a vehicle where it stands for `duration` [s]. @return false if there is no room, or SUMO refused.
+  bool Hold(std::size_t row, double duration, Traffic* traffic);
+  /// Ends a Hold. @return false if the vehicle is not parked.
+  bool Release(std::size_t row);
+
+  /// By row: at the junction ahead of this vehicle the rules say who goes first; with Rules::kSumo SUMO's
+  /// checks are on in the coming step.
   const std::vector<std::uint8_t>& guarded() const { return guarded_; }
   const VehicleRecord& record(std::size_t row) const { return records_[row]; }
   std::span<const std::int32_t> new_vehicles() const {

@@ -21,8 +21,8 @@
 #include "scenarios/cost_bench.h"
 #include "scenarios/doctor.h"
 #include "scenarios/export.h"
-#include "scenarios/platoon_bench.h"
 #include "scenarios/merge.h"
+#include "scenarios/platoon_bench.h"
 #include "scenarios/report.h"
 #include "scenarios/run.h"
 #include "scenarios/ssm_bench.h"
@@ -37,8 +37,8 @@ constexpr int kOk = 0, kFailed = 1, kBadInput = 2, kInterrupted = 130;
 
 /// What `run`, `demo` and `bench city` share, as text: checked by Finish.
 struct RunOptions {
-  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, v2x{"off"}, results, params_file,
-      output_folder, samples_file, safety{"full"};
+  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, v2x{"off"}, coordinate{"none"},
+      results, params_file, output_folder, samples_file, safety{"full"};
   std::vector<std::string> assignments;
   std::optional<double> end;
   RunConfig config;
@@ -53,7 +53,8 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
                   "additional files to -n, comma-separated");
   app->add_option(
       "--scenario", o->scenario,
-      "a network shipped with Lanewise: town, merge, roundabout, priority_crossing, breakdown, arena");
+      "a network shipped with Lanewise: town, merge, roundabout, priority_crossing, breakdown, arena, "
+      "arterial");
   app->add_option(
          "--policy", o->policy,
          "who drives: dwa (Dynamic Window), bp_dwa (a network picks the side, the window searches there), "
@@ -76,6 +77,12 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
          "radio between vehicles: off, ideal (everybody hears everybody at once), range (within "
          "v2x.range),\nlossy (latency, loss by distance, noise of positions too), loaded (loss by the "
          "channel's load too).\nWhich vehicles carry one: --set v2x.share")
+      ->capture_default_str();
+  app->add_option(
+         "--coordinate", o->coordinate,
+         "what the roadside units coordinate over that radio: none, or of these, separated by commas:\n"
+         "green-advice (speeds at which agents arrive in green), signals (green split and offset adapt),\n"
+         "dispatch (routes around crowded edges, departures held while it is crowded)")
       ->capture_default_str();
   app->add_option("--seed", o->config.seed, "SUMO's random seed")->capture_default_str();
   app->add_option("-e,--end", o->end,
@@ -132,15 +139,17 @@ RunConfig Finish(RunOptions* o, const std::vector<std::string>& sumo_options) {
   config.policy = ParsePolicy(o->policy, "--policy");
   config.v2x = ParseV2xLevel(o->v2x, "--v2x");
   config.rules = ParseRules(o->rules, "--rules");
+  config.coordinate = ParseCoordination(o->coordinate);
   config.safety_level = ParseSafetyLevel(o->safety);
   config.end = o->end;
   if (!o->results.empty()) config.results = o->results;
   if (!o->samples_file.empty()) config.samples_file = o->samples_file;
-  RunParams params{config.params, config.safety};
+  RunParams params{config.params, config.safety, config.coordination};
   if (!o->params_file.empty()) LoadParams(o->params_file, &params);
   for (const std::string& assignment : o->assignments) SetParamFromText(assignment, &params);
   config.params = params.agents;
   config.safety = params.safety;
+  config.coordination = params.coordination;
   if (!o->output_folder.empty()) {
     if (!std::filesystem::is_directory(o->output_folder))
       throw ConfigError(fmt::format("--sumo-outputs: {}: no such folder", o->output_folder));

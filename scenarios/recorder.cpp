@@ -184,6 +184,10 @@ void Recorder::FinishTrip(std::int32_t number, double time, TripEnd end) {
   finished_trips_.push_back(trips_.Finish(number, time, end));
 }
 
+void Recorder::Add(const std::vector<CoordinationEvent>& events) {
+  if (writer_ != nullptr && !events.empty()) writer_->Add(events);
+}
+
 void Recorder::Sample() {
   for (std::size_t i = 0; i < frame_.size(); ++i) {
     samples_.push_back({frame_.time, frame_.vehicle_number[i], frame_.lane[i], frame_.x[i], frame_.y[i],

@@ -7,6 +7,7 @@
 #include "agents/network/road_network.h"
 #include "agents/traffic.h"
 #include "analysis/comfort_histogram.h"
+#include "analysis/coordination_event.h"
 #include "analysis/edge_recorder.h"
 #include "analysis/results_file.h"
 #include "analysis/rule_watch.h"
@@ -34,6 +35,7 @@ class Recorder {
 
   void Observe(std::int64_t step, double time, double wall_time, const Traffic& traffic,
                const VehicleBridge& bridge);
+  void Add(const std::vector<CoordinationEvent>& events);
   /// Closes all that is open at the end of the run.
   void Finish(double time);
 

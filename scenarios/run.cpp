@@ -39,6 +39,7 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.policy = kPolicyNames[static_cast<std::size_t>(config.policy)];
   info.penetration = config.penetration;
   info.v2x = kV2xLevelNames[static_cast<std::size_t>(config.v2x)];
+  info.coordination = CoordinationText(config.coordinate);
   info.rules = kRulesNames[static_cast<std::size_t>(config.rules)];
   info.safety = kSafetyLevelNames[static_cast<std::size_t>(config.safety_level)];
   info.seed = config.seed;
@@ -48,7 +49,8 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.threads = config.threads;
   info.sumo_options = fmt::format("{}", fmt::join(sumo_options, " "));
   nlohmann::ordered_json params, hashes;
-  for (const ParamDescription& p : DescribeParams(RunParams{config.params, config.safety}))
+  for (const ParamDescription& p :
+       DescribeParams(RunParams{config.params, config.safety, config.coordination}))
     params[p.name] = p.value;
   for (const auto& file : InputFiles(config))
     hashes[std::filesystem::absolute(file).lexically_normal().string()] = HashFile(file);
@@ -134,6 +136,8 @@ RunReport Run(const RunConfig& config) {
   pipeline.channel().Open(effective.v2x, static_cast<std::uint64_t>(effective.seed));
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
                        {effective.penetration, effective.seed});
+  Coordination coordination(network, effective.coordination, effective.coordinate,
+                            static_cast<std::uint64_t>(effective.seed), &pipeline);
   const double dt = session.step_length();
   const double begin = session.time();
   Recorder recorder(network,
@@ -163,8 +167,13 @@ RunReport Run(const RunConfig& config) {
       }
       trace.Add(outcome.steps, traffic);
       if (trace.rows().size() >= kHashRowsPerWrite) WriteHashes(writer.get(), &trace);
+      Timed(&report.coupling_time, [&] { coordination.Step(session.time(), dt, &traffic, &bridge); });
       Timed(&report.agent_time, [&] { pipeline.Step(dt, bridge.guarded(), &traffic, &commands); });
       Timed(&report.coupling_time, [&] { bridge.Write(dt, &traffic, commands); });
+      Timed(&report.record_time, [&] {
+        coordination.Observe(session.time(), traffic);
+        recorder.Add(coordination.TakeEvents());
+      });
       ++outcome.steps;
       if (effective.v2x != V2xLevel::kOff) v2x_log.Observe(session.time(), pipeline.channel().counts());
       outcome.wall_time = outcome.sumo_time + report.coupling_time + report.agent_time + report.record_time;
@@ -211,6 +220,7 @@ RunReport Run(const RunConfig& config) {
   report.lane_end_halts = bridge.lane_end_halts();
   report.detours = bridge.detours();
   report.detour_length = bridge.detour_length();
+  report.coordination = coordination.counts();
   report.emergency_stops = bridge.emergency_stops();
   for (std::size_t k = 0; k < report.rule_events.size(); ++k)
     report.rule_events[k] = recorder.rules().count(static_cast<RuleEventKind>(k));

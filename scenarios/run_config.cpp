@@ -353,6 +353,7 @@ std::vector<std::string> RepeatArguments(const RunConfig& config) {
   add("--penetration", fmt::format("{}", config.penetration));
   add("--rules", std::string(kRulesNames[static_cast<std::size_t>(config.rules)]));
   add("--v2x", std::string(kV2xLevelNames[static_cast<std::size_t>(config.v2x)]));
+  add("--coordinate", CoordinationText(config.coordinate));
   add("--seed", fmt::format("{}", config.seed));
   if (config.end) add("--end", fmt::format("{}", *config.end));
   add("--step-length", fmt::format("{}", config.step_length));

@@ -11,6 +11,7 @@
 #include "agents/v2x/v2x_level.h"
 #include "analysis/safety_monitor.h"
 #include "libsumo_bridge/vehicle_bridge.h"
+#include "scenarios/coordination.h"
 #include "scenarios/sample_recorder.h"
 
 namespace lanewise {
@@ -25,6 +26,7 @@ struct RunConfig {
   double penetration{1.0};  ///< Share of vehicles given the policy; 0 to 1.
   Rules rules{Rules::kSumo};
   V2xLevel v2x{V2xLevel::kOff};  ///< How much of a radio channel there is.
+  CoordinationSwitches coordinate;
   std::int64_t seed{23423};                      ///< SUMO's default seed.
   std::optional<double> end;                     ///< [s]; nothing: the .sumocfg's, or until all have arrived.
   double step_length{0.1};                       ///< [s]
@@ -38,6 +40,7 @@ struct RunConfig {
   SampleParams samples;
   AgentParams params;
   SafetyParams safety;
+  CoordinationParams coordination;
   bool quiet{false};
   int progress_fd{-1};                    ///< Open file that is told of progress in lines; -1: none.
   std::vector<std::string> sumo_options;  ///< Passed to SUMO unchanged, last, so they win.
@@ -81,11 +84,13 @@ SafetyLevel ParseSafetyLevel(std::string_view name);
 struct RunParams {
   AgentParams agents;
   SafetyParams safety;
+  CoordinationParams coordination;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
     AgentParams::Visit(p.agents, field);
     SafetyParams::Visit(p.safety, field);
+    CoordinationParams::Visit(p.coordination, field);
   }
 };
 
