@@ -74,7 +74,7 @@ struct SectorParams {
   double side_clearance{0.6};
   double side_range{8.5};
   double turn_reach{10.0};
-  double turn_width{5.0};
+  double turn_width{4.5};
   double turn_speed{2.5};
   double decide_by{6.0};
   double stop_distance{0.8};
@@ -267,7 +267,8 @@ struct AgentParams {
         "open roads: bp and bls choose a side by what is nearer than this, and look so far for a free strip",
         "own choice: a lane's width aside takes a car about 8 m");
     field("sector.turn_width", p.sector.turn_width, "m", Range{1, 30},
-          "open roads: and by what is within this to either side", "own choice: a lane and a half");
+          "open roads: and by what is within this to either side",
+          "own choice: a lane's width and half a vehicle");
     field("sector.turn_speed", p.sector.turn_speed, "m/s", Range{0.5, 15},
           "speed at which bp, bls and apf turn aside when the strip ahead is not free",
           "own choice: the turning circle lies within the zone at standstill");

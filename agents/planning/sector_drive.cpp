@@ -123,7 +123,8 @@ OpenRoadPlan Guard(const Traffic& traffic, AgentIndex ego, const AgentParams& pa
   OpenRoadPlan plan;
   plan.course = heading + slip;
   double free = next_arc;
-  if (next_arc < now_arc && next_arc < braking + 0.1) {
+  const double needed = std::min(braking + 0.1, near);
+  if (next_arc < needed && now_arc >= needed) {
     plan.course = heading + slip_now;
     free = now_arc;
   }

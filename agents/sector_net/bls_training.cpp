@@ -80,7 +80,7 @@ Eigen::MatrixXd TargetMatrix(std::span<const LabelledScan> samples) {
 
 BlsTrainer::BlsTrainer(std::span<const LabelledScan> samples, const BlsOptions& options, std::uint64_t seed)
     : samples_(MergeEqual({samples.begin(), samples.end()})), options_(options), seed_(seed) {
-  CheckOption("feature groups", options.feature_groups, 1, BlsNet::kMaxNodes);
+  CheckOption("feature groups", options.feature_groups, 2, BlsNet::kMaxNodes);
   CheckOption("feature nodes", double{1} * options.feature_groups * options.features_per_group, 1,
               BlsNet::kMaxNodes);
   CheckOption("enhancement nodes", options.enhancements, 0, BlsNet::kMaxNodes);

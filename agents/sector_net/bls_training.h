@@ -10,7 +10,7 @@
 namespace lanewise {
 
 struct BlsOptions {
-  int feature_groups{6};          ///< Groups of feature nodes; >= 1.
+  int feature_groups{6};          ///< Groups of feature nodes; >= 2.
   int features_per_group{4};      ///< >= 1; groups x nodes at most BlsNet::kMaxNodes.
   int enhancements{60};           ///< >= 0, at most BlsNet::kMaxNodes.
   double ridge{0.1};              ///< [-] lambda of the ridge regression; > 0.
@@ -22,12 +22,6 @@ struct BlsOptions {
   /// weigh them against each other. A vehicle is the same on both sides: which one to take depends on how
   /// they differ. Half of the groups are of either kind.
   double symmetric_share{0.1};
-};                              ///< [-] lambda of the ridge regression; > 0.
-double enhancement_scale{0.4};  ///< [-] standard deviation of the enhancement nodes' sums; > 0.
-/// [sectors] over which the weights of the smooth feature nodes are correlated; 0 = independent. The first
-/// half of the groups weighs each sector by itself, the other half neighbours alike, as a side is seen by
-/// neighbours together; enhancement nodes are maps of the smooth half.
-double feature_reach{2.0};
 };
 
 /// Trains a broad learning system and lets it grow without training anew. The output weights C solve

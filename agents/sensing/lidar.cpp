@@ -44,6 +44,16 @@ void Clip(double value, double slope, double* t0, double* t1) {
   }
 }
 
+/// Does any edge come nearer to the sensor than this?
+bool ReachesWithin(const LidarScene& scene, double radius) {
+  return std::any_of(scene.edges().begin(), scene.edges().end(), [&](const ReflectingEdge& edge) {
+    const double ex = edge.b.x - edge.a.x, ey = edge.b.y - edge.a.y, ee = ex * ex + ey * ey;
+    const double along = std::clamp(-(edge.a.x * ex + edge.a.y * ey), 0.0, ee);
+    const double x = edge.a.x * ee + along * ex, y = edge.a.y * ee + along * ey;
+    return x * x + y * y <= radius * radius * ee * ee;
+  });
+}
+
 void SetBits(int first, int last, std::uint64_t* words) {
   const int first_word = first / 64, last_word = last / 64;
   const std::uint64_t head = ~std::uint64_t{0} << (first % 64);
@@ -235,6 +245,10 @@ SectorCounts Lidar::Count(std::span<const double> ranges, const AvoidanceZone& z
 
 void Lidar::MarkEdge(const ReflectingEdge& edge, double far, double half_width, int first, int last,
                      std::uint64_t* marks) const {
+  // Most edges lie wholly behind, beside or beyond.
+  if (std::max(edge.a.x, edge.b.x) < -1e-9 || std::min(edge.a.x, edge.b.x) > far) return;
+  const double beside = std::min(far, half_width);
+  if (std::min(edge.a.y, edge.b.y) > beside || std::max(edge.a.y, edge.b.y) < -beside) return;
   const Point2 e{edge.b.x - edge.a.x, edge.b.y - edge.a.y};
   // The part of the edge in front of the sensor, in the strip and in the circle.
   double t0 = 0.0, t1 = 1.0;
@@ -293,15 +307,19 @@ SectorCounts Lidar::CountExactly(const LidarScene& scene, const ScanErrors& erro
   Marks count, other;
   // Beams whose reading is in the zone whatever the error; nearer than the near limit is dust.
   MarkZone(scene, zone, -bound, &count);
-  // A reading at the near limit is in the zone.
-  MarkDisc(scene, std::nextafter(zone.near + bound, 0.0), kInfinity, &other);
-  for (int w = 0; w < words(); ++w) count[w] &= ~other[w];
+  const bool has_dust = ReachesWithin(scene, zone.near + bound);
+  if (has_dust) {
+    // A reading at the near limit is in the zone.
+    MarkDisc(scene, std::nextafter(zone.near + bound, 0.0), kInfinity, &other);
+    for (int w = 0; w < words(); ++w) count[w] &= ~other[w];
+  }
   if (bound > 0.0) {
     // Beams the error may carry across a limit: those of the grown zone that are neither surely in nor surely
     // dust.
     Marks doubtful;
     MarkZone(scene, zone, bound, &doubtful);
-    MarkDisc(scene, std::nextafter(zone.near - bound, 0.0), kInfinity, &other);
+    std::fill_n(other.begin(), words(), std::uint64_t{0});
+    if (has_dust) MarkDisc(scene, std::nextafter(zone.near - bound, 0.0), kInfinity, &other);
     for (int w = 0; w < words(); ++w) {
       for (std::uint64_t rest = doubtful[w] & ~count[w] & ~other[w]; rest != 0; rest &= rest - 1) {
         const int k = 64 * w + std::countr_zero(rest);

@@ -1,8 +1,10 @@
-// Simulated lidar and sector code: one vehicle among twelve.
+// Simulated lidar, sector code and choice of a way: one vehicle among twelve.
 
 #include <benchmark/benchmark.h>
 #include <omp.h>
 
+#include "agents/planning/sector_drive.h"
+#include "agents/sector_net/weight_file.h"
 #include "agents/sensing/sector_scan.h"
 #include "tests/support/fleet.h"
 #include "tests/support/small_nets.h"
@@ -58,6 +60,27 @@ void BM_ScanSectors(benchmark::State& state) {
   state.counters["edges"] = static_cast<double>(reflectors.edges().size());
 }
 BENCHMARK(BM_ScanSectors)->ArgName("noise_mm")->Arg(0)->Arg(10);
+
+/// Sense and decide, as a step does: neighbours and borders to a code, the code to a way. With the lidar's
+/// own noise. @param range(0) 0 looks the way up, as a step does; 1 asks BP, 2 broad learning anew.
+void BM_SenseAndDecide(benchmark::State& state) {
+  TwelveNeighbors scene;
+  const AgentParams params;
+  const Lidar lidar(params.lidar);
+  const AvoidanceTable table = TableOf(DefaultBpNet());
+  LidarScene reflectors;
+  std::int64_t step = 0;
+  for (auto _ : state) {
+    const ScanErrors errors(params.lidar, 1, 0, ++step);
+    const SectorScan scan =
+        ScanSectors(scene.world, 0, scene.way, scene.view, params, lidar, 0.0, errors, &reflectors);
+    Avoidance way = table[scan.code];
+    if (state.range(0) == 1) way = WayOf(DefaultBpNet().Forward(InputsOfCode(scan.code)));
+    if (state.range(0) == 2) way = WayOf(DefaultBlsNet().Forward(InputsOfCode(scan.code)));
+    benchmark::DoNotOptimize(way);
+  }
+}
+BENCHMARK(BM_SenseAndDecide)->ArgName("network")->Arg(0)->Arg(1)->Arg(2);
 
 /// The same by casting all 1,081 beams.
 void BM_CastAllBeams(benchmark::State& state) {
