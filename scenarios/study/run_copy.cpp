@@ -54,7 +54,9 @@ AttachedFile::~AttachedFile() {
 }
 
 void CopyRuns(std::span<const CopiedRun> runs, SQLite::Database* database) {
-  database->exec("CREATE TEMP TABLE copied_run (source_run_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL)");
+  database->exec(
+      "CREATE TEMP TABLE IF NOT EXISTS copied_run (source_run_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL);"
+      "DELETE FROM temp.copied_run");
   SQLite::Statement insert(*database, "INSERT INTO temp.copied_run VALUES (?, ?)");
   for (const CopiedRun& run : runs) {
     insert.bind(1, run.source_run_id);
@@ -69,7 +71,6 @@ void CopyRuns(std::span<const CopiedRun> runs, SQLite::Database* database) {
     if (sampled.executeStep() && sampled.getColumn(0).getInt64() > 0)
       IndexTrajectoryOfRun(run.run_id, database);
   }
-  database->exec("DROP TABLE temp.copied_run");
 }
 
 }  // namespace lanewise

@@ -121,9 +121,8 @@ void StudyFile::Finish(std::int64_t run_id, const fs::path& worker_file, double 
     SQLite::Database& database = file_.database();
     const AttachedFile attached(worker_file, &database);
     SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
-    const SQLite::Column source =
-        database.execAndGet("SELECT run_id FROM source.run WHERE status = 'finished'");
-    const CopiedRun copied{source.getInt64(), run_id};
+    const CopiedRun copied{
+        database.execAndGet("SELECT run_id FROM source.run WHERE status = 'finished'").getInt64(), run_id};
     CopyRuns({&copied, 1}, &database);
     SQLite::Statement update(
         database,
