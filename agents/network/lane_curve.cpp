@@ -267,20 +267,27 @@ class CarriagewayDivider {
     return stations;
   }
 
-  /// [m] half of what the room between lane `i` and the nearest opposing one lacks.
+  /// [m] half of what the room between lane `i`, the innermost of its edge, and the nearest opposing one
+  /// lacks, as far as there is room beside the edge.
   double Shift(LaneIndex i, Point2 point, double heading) const {
+    const Lane& lane = network_.lanes[i];
+    const double others = (network_.edges[lane.edge].lane_count - 1) * lane.width;  // [m] of lanes beside it.
     const Point2 along = Direction(heading);
-    double lack = 0.0;
-    grid_.ForEachNear(point.x, point.y, kSpacing + network_.lanes[i].width, [&](std::uint32_t k) {
+    double lack = 0.0, spare = kMaxShift;
+    grid_.ForEachNear(point.x, point.y, kSpacing + lane.width + others, [&](std::uint32_t k) {
       const Sample& other = samples_[k];
       if (other.lane == i || Dot(along, Direction(other.heading)) > kOpposing) return;
       const Point2 offset = Point2{x_[k], y_[k]} - point;
       if (std::abs(Dot(along, offset)) > 0.5 * kSpacing + 0.1) return;
       const double aside = -side_ * Cross(along, offset);  // Towards the middle of the road.
-      const double room = 0.5 * (network_.lanes[i].width + network_.lanes[other.lane].width);
-      if (aside > -0.5) lack = std::max(lack, room - aside);
+      const double room = 0.5 * (lane.width + network_.lanes[other.lane].width);
+      if (aside > -0.5) {
+        lack = std::max(lack, room - aside);
+      } else {  // It comes along on the outer side.
+        spare = std::min(spare, std::max(0.0, -aside - room - others));
+      }
     });
-    return std::min(0.5 * lack, kMaxShift);
+    return std::min(0.5 * lack, spare);
   }
 
   const RoadNetwork& network_;

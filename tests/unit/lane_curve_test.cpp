@@ -275,6 +275,15 @@ TEST(LaneCurve, ACarriagewayIsPartedAsAWhole) {
   EXPECT_NEAR(curves[right].At(100.0).y, -3.2 - 0.7, 0.05);
 }
 
+// On its other side comes another one, 3.4 m away: 0.2 m are to spare.
+TEST(LaneCurve, NoCarriagewayIsPartedIntoAnother) {
+  LaneNet net;
+  const LaneIndex lane = net.Add({{0.0, 0.0}, {200.0, 0.0}});
+  net.Add({{200.0, 1.6}, {0.0, 1.6}});
+  net.Add({{200.0, -3.4}, {0.0, -3.4}});
+  EXPECT_NEAR(net.Fit()[lane].At(100.0).y, -0.2, 0.02);
+}
+
 TEST(LaneCurve, LanesInOneDirectionStayWhereTheyAre) {
   LaneNet net;
   const LaneIndex lane = net.Add({{0.0, 0.0}, {200.0, 0.0}});
