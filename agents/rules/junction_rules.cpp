@@ -16,8 +16,8 @@ constexpr double kStanding = 0.1;  // [m/s]
 /// [m] before a stop line within which a vehicle that stands has halted at it.
 constexpr double kHaltZone = 3.0;
 /// [m] kept to the place where a vehicle has to stop, and by which it may stop short of it or beyond.
-constexpr float kOverrun = 0.3f;
-constexpr double kStopMargin = 0.5, kWaitMargin = 0.2;
+constexpr float kOverrun = 0.6f;
+constexpr double kStopMargin = 1.0, kWaitMargin = 0.3;
 /// [s] of the agents' response when they brake for a stop line, and before they do so at all.
 constexpr double kResponse = 0.3, kApproachResponse = 0.5;
 /// [s] and [m] beyond braking distance from which a link is looked at; and from which vehicles are listed.
@@ -359,6 +359,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   if (!area.merges && arrival > its_leaving + kBehindGap) return false;
 
   if (inside) {
+    if (forced > 1 && its_speed < kStanding) return false;  // Past its body, if there is room.
     *hard = true;
     return true;
   }
@@ -371,9 +372,9 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
                                   : traffic.number[other.row] < traffic.number[own.row];
   }
   // Neither is: the right of way decides.
-  if (!other.going || forced > 0) {
-    return false;
-  }
+  if (forced > 0) return false;
+  // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both start.
+  if (!other.going && !WaitsFor(world, other.row, own.row)) return false;
   if (state == 'w') {
     const float here = traffic.now.rule[own.row].at_line, there = traffic.now.rule[other.row].at_line;
     if (here != there) return there > here;
@@ -483,10 +484,10 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
     if (p > area.end + vehicle.length + extra) continue;
     const double begin = area.begin - extra;
     const bool may_wait_inside = link.wait_at > 0.0f && begin >= link.wait_at && p <= link.wait_at;
-    const bool can_halt_at_line = p < 0.0 && own.stops_at == 0.0f;
+    const bool can_halt_at_line = own.stops_at == 0.0f;
     const float stop_at = may_wait_inside    ? link.wait_at
                           : can_halt_at_line ? 0.0f
-                                             : static_cast<float>(begin - kStopMargin);
+                                             : static_cast<float>(begin - kWaitMargin);
     Approach seen = own;
     seen.stops_at = may_wait_inside || can_halt_at_line ? stop_at : kNowhere;
     if (stop_at >= verdict.stop_at) continue;
@@ -497,7 +498,7 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
         const double ahead = (link.length - p) - (map_.links()[other.link].length - other.position());
         const double its_length = traffic.params[other.row].length;
         if (other.stops_at > area.foe_begin && ahead > 0.0 && other.position() - its_length < area.foe_end) {
-          const double gap = std::max(ahead - its_length - vehicle.min_gap, area.begin - p - kStopMargin);
+          const double gap = std::max(ahead - its_length - vehicle.min_gap, area.begin - p - kWaitMargin);
           const double its_speed = ahead > its_length ? traffic.now.speed[other.row] : 0.0;
           answer->speed_cap =
               std::min(answer->speed_cap, SafeSpeed(gap, its_speed, comfort, kApproachResponse));

@@ -187,7 +187,7 @@ TEST(JunctionRules, StopsBeforeTheLineAtRedAndGoesAtGreen) {
     hardest = std::max(hardest, -crossing.fleet.traffic.now.accel[row]);
   }
   EXPECT_FALSE(crossing.Entered(row));
-  EXPECT_NEAR(kArm - crossing.fleet.traffic.now.s[row], 0.5, 0.3);
+  EXPECT_NEAR(kArm - crossing.fleet.traffic.now.s[row], 1.0, 0.5);
   EXPECT_LT(hardest, 4.2);
   crossing.Show("rGrG");
   for (int k = 0; k < 50; ++k) crossing.fleet.Step(kStep);
