@@ -298,7 +298,8 @@ Channel::Reception Channel::Deliver(const RandomStream& draws, std::uint64_t rec
 }
 
 void Channel::Receive(double dt, Station* receiver, Scratch* scratch) {
-  const bool loaded = level_ == V2xLevel::kLoaded;
+  const bool loaded = level_ == V2xLevel::kLoaded, at_once = level_ == V2xLevel::kRange;
+  receiver->inbox.PrefetchArrivals();  // It is here when the search below is done.
   const double range2 = params_.range * params_.range;
   const double reach = loaded ? params_.carrier_sense_range : params_.range, reach2 = reach * reach;
   scratch->near.clear();
@@ -316,7 +317,7 @@ void Channel::Receive(double dt, Station* receiver, Scratch* scratch) {
       [&](AgentIndex) {
         airtime += slot_sender_[slot].airtime;
         if (distance2 > range2 || slot_sender_[slot].id == receiver->id) return;
-        receiver->inbox.Prefetch(slot_sender_[slot].id);
+        if (at_once) receiver->inbox.Prefetch(slot_sender_[slot].id);
         scratch->near.emplace_back(slot, distance2);
       });
   if (loaded) {

@@ -36,11 +36,14 @@ class Inbox {
   }
   /// A message that is on its way until step `entry.received`.
   void Send(const Entry& entry) { flying_.push_back(entry); }
+  /// Prefetch for all that are on their way.
+  void PrefetchArrivals() const {
+    for (const Entry& entry : flying_) Prefetch(entry.sender);
+  }
   /// Calls land(entry) for what has arrived by `step`, in the order in which it was sent. `land` may call
   /// Put.
   template <class Land>
   void Arrive(std::int32_t step, Land&& land) {
-    for (const Entry& entry : flying_) Prefetch(entry.sender);
     std::size_t kept = 0;
     for (std::size_t k = 0; k < flying_.size(); ++k) {
       const Entry entry = flying_[k];  // A copy: Put may make room.

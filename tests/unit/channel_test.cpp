@@ -29,6 +29,7 @@ class Cars {
       traffic.number[i] = static_cast<std::int32_t>(i);
       traffic.id_hash[i] = HashText(fmt::format("car{}", i));
       traffic.now.lane[i] = 0;
+      traffic.now.follows[i] = kNone;
       traffic.plan[i] = nullptr;
     }
   }
