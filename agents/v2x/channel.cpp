@@ -182,7 +182,7 @@ Message Channel::Describe(const Traffic& traffic, std::size_t row, std::uint64_t
   m.lane_change = now.blinker[row];
   m.planned_accel = static_cast<float>(now.planned_accel[row]);
   m.planned_jerk = static_cast<float>(now.planned_jerk[row]);
-  m.follows = now.follows[row];
+  m.follows = traffic.driven[row] ? now.follows[row] : kNone;
   const Lane& lane = network_.lanes[m.lane];
   const RoutePlan* plan = traffic.plan[row];
   const auto position = static_cast<std::size_t>(traffic.route_position[row]);
@@ -217,7 +217,7 @@ void Channel::Send(Station* station, const Message& message, double bytes) {
 
 void Channel::NoteFollowers(const Traffic& traffic) {
   for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
-    const StationId leader = traffic.now.follows[row];
+    const StationId leader = traffic.driven[row] ? traffic.now.follows[row] : kNone;
     Station& own =
         stations_[static_cast<std::size_t>(vehicle_slot_[static_cast<std::size_t>(traffic.number[row])])];
     if (leader != own.follows) {
@@ -245,7 +245,7 @@ void Channel::Generate(double dt, const Traffic& traffic) {
     Station& station =
         stations_[static_cast<std::size_t>(vehicle_slot_[static_cast<std::size_t>(traffic.number[row])])];
     if (!station.on_air) continue;
-    const bool in_platoon = traffic.now.follows[row] != kNone || station.followed == step_;
+    const bool in_platoon = station.follows != kNone || station.followed == step_;
     if (!MustSend(dt, traffic.now, row, in_platoon, &station.cam)) continue;
     station.cam.last_step = step_;
     station.cam.x = station.x;

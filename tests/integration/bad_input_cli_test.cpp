@@ -135,6 +135,23 @@ TEST_F(BadInput, ParameterOutOfRange) {
                 {"--set", "dwa.horizon", "99 s", "1 to 6 s"});
 }
 
+TEST_F(BadInput, ImpossibleRadio) {
+  const auto refuse = [&](const std::string& assignment, const std::vector<std::string>& parts) {
+    ExpectRefused(
+        {"run", "--scenario", "arena", "--v2x", "lossy", "--set", assignment, "--results", NewResults()},
+        parts);
+  };
+  refuse("v2x.range=-1", {"'v2x.range'", "-1 m", "0 to 2000 m"});
+  refuse("v2x.loss=1.5", {"'v2x.loss'", "1.5", "0 to 1"});
+  refuse("v2x.latency_min=0.5", {"'v2x.latency_min'", "0.5 s", "v2x.latency_mean"});
+  refuse("v2x.latency_max=5", {"'v2x.latency_max'", "5 s", "v2x.memory"});
+  refuse("v2x.range=1000", {"'v2x.range'", "1000 m", "v2x.carrier_sense_range, 450 m"});
+  refuse("v2x.cruise_reaction=1", {"'v2x.cruise_reaction'", "1 s", "v2x.cruise_gap, 0.6 s"});
+  ExpectRefused({"run", "--scenario", "arena", "--v2x", "perfect"},
+                {"--v2x", "'perfect'", "off, ideal, range, lossy, loaded"});
+  ExpectRefused({"bench", "platoon", "--frequencies", "0.3"}, {"--frequencies", "0.3 Hz", "whole number"});
+}
+
 TEST_F(BadInput, SetWithoutEqualsOrNumber) {
   ExpectRefused({"run", "--scenario", "arena", "--set", "dwa.horizon"},
                 {"--set", "'dwa.horizon'", "name=value"});
