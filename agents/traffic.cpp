@@ -16,9 +16,9 @@ void MoveAll(std::size_t from, std::size_t to, Columns&... columns) {
 /// Calls f with every column of a Motion.
 template <class F>
 void WithColumns(Motion& m, F&& f) {
-  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.planned_accel, m.planned_jerk, m.time_gap, m.follows, m.steering_angle, m.x,
-    m.y, m.heading, m.curvature, m.blinker, m.urgent, m.since_change, m.waited, m.yielded_to, m.speed_pid,
-    m.steering_pid);
+  f(m.lane, m.s, m.d, m.heading_error, m.speed, m.accel, m.speed_ref, m.planned_accel, m.planned_jerk,
+    m.time_gap, m.follows, m.steering_angle, m.x, m.y, m.heading, m.curvature, m.blinker, m.urgent,
+    m.since_change, m.waited, m.yielded_to, m.speed_pid, m.steering_pid);
 }
 
 /// Calls f with every column of Traffic but its motions.

@@ -371,17 +371,19 @@ void LimitFileSize(std::int64_t max_bytes, SQLite::Database* database) {
 std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
   SQLite::Statement insert(
       *database,
-      "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, rules, v2x, coordination, "
+      "INSERT INTO run (started_at, status, scenario, config_file, policy, penetration_rate, rules, v2x, "
+      "coordination, "
       "safety, "
       "seed, begin_s, end_s, step_length_s, threads, sumo_options, arguments_json, parameters_json, "
       "input_hashes_json, config_text, lanewise_version, git_commit, sumo_version, compiler, machine) VALUES "
       "(strftime('%Y-%m-%dT%H:%M:%SZ', 'now'), 'running', "
       "?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Binder bind(&insert);
-  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.v2x, info.coordination,
-       info.safety, info.seed, info.begin, info.end, info.step_length, info.threads, info.sumo_options,
-       info.arguments_json, info.parameters_json, info.input_hashes_json, OrNull(info.config_text),
-       info.lanewise_version, info.git_commit, info.sumo_version, info.compiler, info.machine);
+  bind(info.scenario, info.config_file, info.policy, info.penetration, info.rules, info.v2x,
+       info.coordination, info.safety, info.seed, info.begin, info.end, info.step_length, info.threads,
+       info.sumo_options, info.arguments_json, info.parameters_json, info.input_hashes_json,
+       OrNull(info.config_text), info.lanewise_version, info.git_commit, info.sumo_version, info.compiler,
+       info.machine);
   insert.exec();
   return database->getLastInsertRowid();
 }
@@ -706,13 +708,14 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
 }
 
 std::string FormatInfo(const fs::path& path, std::span<const RunSummary> runs) {
-  std::vector<std::vector<std::string>> lines = {{"run", "started (UTC)", "status", "scenario", "policy",
-                                                  "rules", "v2x", "coordination", "seed", "inserted", "arrived", "collisions",
-                                                  "near misses", "trajectory rows", "state hash"}};
+  std::vector<std::vector<std::string>> lines = {
+      {"run", "started (UTC)", "status", "scenario", "policy", "rules", "v2x", "coordination", "seed",
+       "inserted", "arrived", "collisions", "near misses", "trajectory rows", "state hash"}};
   for (const RunSummary& run : runs) {
     lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.rules,
-                     run.v2x, run.coordination, Cell(run.seed), Cell(run.inserted), Cell(run.arrived), Cell(run.collisions),
-                     Cell(run.near_misses), Cell(run.trajectory_rows), run.state_hash.value_or("-")});
+                     run.v2x, run.coordination, Cell(run.seed), Cell(run.inserted), Cell(run.arrived),
+                     Cell(run.collisions), Cell(run.near_misses), Cell(run.trajectory_rows),
+                     run.state_hash.value_or("-")});
   }
   return fmt::format("{}: Lanewise results, schema {}, {} run{}\n{}", path.string(), kSchemaVersion,
                      runs.size(), runs.size() == 1 ? "" : "s", FormatTable(lines));

@@ -201,12 +201,12 @@ class RunWriter {
   void EndAs(RunStatus status, std::string message);
 
  private:
-  using Rows = std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>,
-                          std::vector<TripRow>, std::vector<TrajectoryRow>, std::vector<Contact>,
-                          std::vector<Encounter>, std::vector<EncounterSample>, std::vector<StepSummaryRow>,
-                          std::vector<StepHashRow>, std::vector<EdgeIntervalRow>, std::vector<HistogramRow>,
-                          std::vector<V2xIntervalRow>, std::vector<V2xAgeRow>,
-                          std::vector<CoordinationEvent>>;
+  using Rows =
+      std::tuple<std::vector<VehicleRow>, std::vector<LaneRow>, std::vector<EdgeRow>, std::vector<TripRow>,
+                 std::vector<TrajectoryRow>, std::vector<Contact>, std::vector<Encounter>,
+                 std::vector<EncounterSample>, std::vector<StepSummaryRow>, std::vector<StepHashRow>,
+                 std::vector<EdgeIntervalRow>, std::vector<HistogramRow>, std::vector<V2xIntervalRow>,
+                 std::vector<V2xAgeRow>, std::vector<CoordinationEvent>>;
 
   void WriteLoop();
   void Write(const Rows& rows);

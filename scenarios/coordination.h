@@ -31,8 +31,8 @@ std::string CoordinationText(const CoordinationSwitches& switches);
 /// the bridges to SUMO and the agents.
 class Coordination {
  public:
-  Coordination(const RoadNetwork& network, const CoordinationParams& params, const CoordinationSwitches& switches,
-               std::uint64_t seed, AgentPipeline* pipeline);
+  Coordination(const RoadNetwork& network, const CoordinationParams& params,
+               const CoordinationSwitches& switches, std::uint64_t seed, AgentPipeline* pipeline);
 
   /// After what SUMO did has been read, before the agents decide.
   void Step(double time, double dt, Traffic* traffic, VehicleBridge* bridge);

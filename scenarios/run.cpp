@@ -63,7 +63,8 @@ RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_o
   info.threads = config.threads;
   info.sumo_options = fmt::format("{}", fmt::join(sumo_options, " "));
   nlohmann::ordered_json params, hashes;
-  for (const ParamDescription& p : DescribeParams(RunParams{config.params, config.safety, config.coordination}))
+  for (const ParamDescription& p :
+       DescribeParams(RunParams{config.params, config.safety, config.coordination}))
     params[p.name] = p.value;
   for (const auto& file : InputFiles(config)) hashes[file.string()] = "xxh3:" + HashFile(file);
   if (!config.config_file.empty()) info.config_text = ReadText(config.config_file);

@@ -14,7 +14,7 @@ namespace lanewise {
 struct RunReport {
   RunOutcome outcome;
   CouplingAudit audit;
-  ChannelCounts v2x;        ///< All zero without V2X.
+  ChannelCounts v2x;       ///< All zero without V2X.
   std::int64_t run_id{0};  ///< In the results file; 0 without one.
   std::int64_t lane_end_halts{0};
   std::int64_t emergency_stops{0};

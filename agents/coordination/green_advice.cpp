@@ -64,7 +64,8 @@ double SpeedToArrive(double distance, double speed, double time, double decel) {
   return std::max(0.0, std::sqrt(root) - half);
 }
 
-Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingParams& driving, AgentIndex ego) {
+Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingParams& driving,
+                   AgentIndex ego) {
   const AdviceParams& params = roadside.params().advice;
   const auto line = LineAhead(world, ego, params.range);
   if (!line || roadside.units()[static_cast<std::size_t>(line->signal)] == kNone) return {};
@@ -92,8 +93,7 @@ Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingPa
   if (green && green->begin <= age && *pass < green->end) return free;
   const double wanted = SpeedToArrive(line->distance, speed, *pass - age, params.decel);
   const double advised = std::clamp(wanted, std::min(params.min_speed, limit), limit);
-  return {line->signal, advised,
-          std::max(advised, speed - params.decel * driving.response_time)};
+  return {line->signal, advised, std::max(advised, speed - params.decel * driving.response_time)};
 }
 
 }  // namespace lanewise

@@ -36,6 +36,7 @@ inline constexpr double kExpectedAccel = 1.5;
 
 /// Green-light speed advice (GLOSA; Katsaros et al. 2011): a vehicle that hears what the signal ahead will
 /// show and who is ahead of it arrives there when it can pass.
-Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingParams& driving, AgentIndex ego);
+Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingParams& driving,
+                   AgentIndex ego);
 
 }  // namespace lanewise

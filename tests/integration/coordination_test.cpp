@@ -71,7 +71,8 @@ TEST(Coordination, AdaptedSignalsKeepTheirSafetyTimes) {
   const auto states = folder / "states.xml";
   std::string events = "<additional>";
   for (int k = 1; k <= 6; ++k)
-    events += fmt::format("<timedEvent type=\"SaveTLSStates\" source=\"J{}\" dest=\"{}\"/>", k, states.string());
+    events +=
+        fmt::format("<timedEvent type=\"SaveTLSStates\" source=\"J{}\" dest=\"{}\"/>", k, states.string());
   const auto additional = folder.Write("states.add.xml", events + "</additional>");
   RunConfig config = OwnDemand("arterial", ShippedFile("arterial", ".rou.xml"), Policy::kDwa, 500.0);
   config.additional_files = additional.string();
@@ -102,7 +103,8 @@ TEST(Coordination, AdaptedSignalsKeepTheirSafetyTimes) {
       const bool green = of[k].state.find('G') != std::string::npos;
       if (green && !yellow) {
         EXPECT_GE(lasted, 5.0 - 1e-6) << signal << " at " << of[k].begin;
-        changed += std::abs(lasted - std::round(lasted)) < 1e-6 && lasted != 41.0 && lasted != 9.0 && lasted != 25.0;
+        changed +=
+            std::abs(lasted - std::round(lasted)) < 1e-6 && lasted != 41.0 && lasted != 9.0 && lasted != 25.0;
       } else {
         EXPECT_NEAR(lasted, yellow ? 3.0 : 2.0, 1e-6) << signal << " at " << of[k].begin;
       }
@@ -150,13 +152,16 @@ TEST(Coordination, TheDispatcherHoldsAndReroutes) {
   EXPECT_GT(report.outcome.arrived, 50);
   // Held once at most, and arrived though held.
   EXPECT_EQ(Query(*config.results,
-                  "SELECT COUNT(*) FROM (SELECT 1 FROM coordination_event WHERE kind = 'hold' GROUP BY vehicle_number "
+                  "SELECT COUNT(*) FROM (SELECT 1 FROM coordination_event WHERE kind = 'hold' GROUP BY "
+                  "vehicle_number "
                   "HAVING COUNT(*) > 1)"),
             0.0);
-  EXPECT_GT(Query(*config.results,
-                  "SELECT COUNT(*) FROM trip WHERE trip_end = 'arrived' AND stop_time_s > 5 AND stop_time_s < 60 AND "
-                  "vehicle_number IN (SELECT vehicle_number FROM coordination_event WHERE kind = 'hold')"),
-            0.0);
+  EXPECT_GT(
+      Query(
+          *config.results,
+          "SELECT COUNT(*) FROM trip WHERE trip_end = 'arrived' AND stop_time_s > 5 AND stop_time_s < 60 AND "
+          "vehicle_number IN (SELECT vehicle_number FROM coordination_event WHERE kind = 'hold')"),
+      0.0);
 }
 
 TEST(Coordination, NamesAreChecked) {
