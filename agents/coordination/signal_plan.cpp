@@ -120,19 +120,22 @@ void CheckSignalProgram(const RoadNetwork& network, const SignalParams& params, 
     }
   }
   for (std::size_t p = 0; p < phases.size(); ++p) {
-    const SignalPhase& before = phases[(p + phases.size() - 1) % phases.size()];
     for (const SignalLink& link : links) {
-      const std::int32_t index = link.connection->link_index;
-      const char state = StateIn(phases[p], index);
-      if (IsGreen(state) && !IsGreen(StateIn(before, index)))
-        CheckGreen(network, params, phases, links, link, p, complain);
-      if (state != 'G') continue;
+      if (StateIn(phases[p], link.connection->link_index) != 'G') continue;
       for (const SignalLink& other : links) {
         const char foe = StateIn(phases[p], other.connection->link_index);
         if ((foe == 'G' || IsYellow(foe)) && AreFoes(network, *link.connection, *other.connection))
-          complain(p, "link {} has green while its foe, link {}, has {}", index, other.connection->link_index,
-                   foe == 'G' ? "green" : "yellow");
+          complain(p, "link {} has green while its foe, link {}, has {}", link.connection->link_index,
+                   other.connection->link_index, foe == 'G' ? "green" : "yellow");
       }
+    }
+  }
+  for (std::size_t p = 0; p < phases.size(); ++p) {
+    const SignalPhase& before = phases[(p + phases.size() - 1) % phases.size()];
+    for (const SignalLink& link : links) {
+      const std::int32_t index = link.connection->link_index;
+      if (IsGreen(StateIn(phases[p], index)) && !IsGreen(StateIn(before, index)))
+        CheckGreen(network, params, phases, links, link, p, complain);
     }
   }
 }

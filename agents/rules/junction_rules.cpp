@@ -373,7 +373,8 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   }
   // Neither is: the right of way decides.
   if (forced > 0) return false;
-  // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both start.
+  // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both
+  // start.
   if (!other.going && !WaitsFor(world, other.row, own.row)) return false;
   if (state == 'w') {
     const float here = traffic.now.rule[own.row].at_line, there = traffic.now.rule[other.row].at_line;

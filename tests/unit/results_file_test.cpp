@@ -279,7 +279,7 @@ TEST_F(ResultsFileTest, RefusesANewerSchema) {
   SQLite::Database(path_.string(), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 7");
   EXPECT_CONTAINS(
       RefusalOf(path_, Mode::kRead),
-      "it has schema version 7; this Lanewise reads and writes version 4, so a newer one wrote it");
+      "it has schema version 7; this Lanewise reads and writes version 5, so a newer one wrote it");
 }
 
 TEST_F(ResultsFileTest, RefusesFoldersAndWhatIsMissing) {
