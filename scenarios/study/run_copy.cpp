@@ -55,7 +55,8 @@ AttachedFile::~AttachedFile() {
 
 void CopyRuns(std::span<const CopiedRun> runs, SQLite::Database* database) {
   database->exec(
-      "CREATE TEMP TABLE IF NOT EXISTS copied_run (source_run_id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL);"
+      "CREATE TEMP TABLE IF NOT EXISTS copied_run (source_run_id INTEGER PRIMARY KEY, run_id INTEGER NOT "
+      "NULL);"
       "DELETE FROM temp.copied_run");
   SQLite::Statement insert(*database, "INSERT INTO temp.copied_run VALUES (?, ?)");
   for (const CopiedRun& run : runs) {
