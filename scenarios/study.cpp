@@ -58,8 +58,11 @@ bool ProbeKinds(const StudyPlan& plan, const StudyOptions& o, CostEstimate* esti
     if (kinds == kMaxKinds || Interrupted() || estimate->Knows(run.settings)) return;
     ++kinds;
     fmt::print(stderr, "measuring: {}\n", ToText(run.settings));
-    if (const auto cost = ProbeCost(plan, run.settings, o.probe, o.runner.threads))
+    if (const auto cost = ProbeCost(plan, run.settings, o.probe, o.runner.threads)) {
       estimate->Add(run.settings, cost->wall_time, cost->bytes);
+    } else if (!Interrupted()) {
+      fmt::print(stderr, "  it could not be measured\n");
+    }
   });
   return kinds > 0;
 }

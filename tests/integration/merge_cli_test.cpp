@@ -105,7 +105,7 @@ TEST_F(Merge, ConflictsAreRefusedAndNothingIsWritten) {
   refused(changed("UPDATE run SET git_commit = 'abc'"), "git_commit is");
   refused(changed("UPDATE run SET input_hashes_json = '{\"x\": \"y\"}'"), "input_hashes_json differ");
   refused(changed("UPDATE study SET name = 'another'"), "holds the study 'study'");
-  refused(changed("DELETE FROM study"), "holds single runs, no study");
+  refused(changed("DELETE FROM study"), "single runs, no study");
   refused({a, folder_ / "none.sqlite"}, "there is no such file");
   refused({a, folder_.Write("x.sqlite", "no results")}, "not an SQLite file");
   ChildProcess self(Words({a}, a));
