@@ -23,7 +23,7 @@ constexpr double kNeverSampled = 1e9;  // [s] longer than any run: only the firs
 struct Variant {
   const char* name;
   SafetyLevel level;
-  double sample_period;          // [s]
+  double sample_period;             // [s]
   std::vector<double> wall{};       // [s] of each repetition: the steps, and closing the file.
   std::vector<double> cpu{};        // [s] of processor time for that, all threads.
   std::vector<double> more_wall{};  // Than the first variant of the same repetition, as a share of it.
@@ -103,8 +103,8 @@ bool BenchCost(const RunConfig& config, int repetitions) {
 
   fmt::print("\n{} [{}] seed {}; medians of {} repetitions\n\n", config.scenario,
              kPolicyNames[static_cast<std::size_t>(config.policy)], config.seed, repetitions);
-  fmt::print("{:<40} {:>10} {:>22}   {:<15} {:>10} {:>22}\n", "", "wall [s]", "more (least to most)", "target",
-             "CPU [s]", "more (least to most)");
+  fmt::print("{:<40} {:>10} {:>22}   {:<15} {:>10} {:>22}\n", "", "wall [s]", "more (least to most)",
+             "target", "CPU [s]", "more (least to most)");
   bool passed = true;
   const double targets[] = {0.0, 0.10, 0.03};
   for (std::size_t k = 0; k < variants.size(); ++k) {

@@ -81,7 +81,8 @@ TEST_F(ReportCli, ChromiumDrawsItAndChartsAnswerToTheMouse) {
   std::smatch said;
   const std::string head = dom.substr(0, 2000);
   ASSERT_TRUE(std::regex_search(head, said, std::regex("data-said=\"([^\"]*)\""))) << head;
-  for (const char* chart : {"shares", "metric", "time-space", "flow-density", "cdf", "comfort", "map", "penetration"})
+  for (const char* chart :
+       {"shares", "metric", "time-space", "flow-density", "cdf", "comfort", "map", "penetration"})
     EXPECT_CONTAINS(said[1].str(), std::string(chart) + "=tip");
 }
 

@@ -175,7 +175,7 @@ TEST(SafetyMonitor, HandsOverWhatEndedAndForgetsIt) {
   SafetyMonitor monitor;
   const std::vector<Mover> movers{{.x = 10.0, .speed = 5.0}, {.x = 0.0, .speed = 15.0}};
   for (int k = 0; k < 65; ++k) monitor.Observe(FrameOf(movers, k));
-  EXPECT_EQ(monitor.TakeFinishedContacts().size(), 1u);  // Apart for 2 s at 3.4 s; no Finish needed.
+  EXPECT_EQ(monitor.TakeFinishedContacts().size(), 1u);    // Apart for 2 s at 3.4 s; no Finish needed.
   EXPECT_EQ(monitor.TakeFinishedEncounters().size(), 1u);  // Nor can a PET become known any more, of 2 s.
   monitor.Finish();
   EXPECT_TRUE(monitor.TakeFinishedContacts().empty());
@@ -276,9 +276,10 @@ TEST(SafetyMonitor, PetOfACrossingIsEntryMinusExit) {
 std::vector<Encounter> WatchOneWhoGivesWay(double slows) {
   SafetyMonitor monitor;
   for (int k = 0; k < 80; ++k) {
-    TrafficFrame frame = FrameOf({{.x = -20.0, .speed = 10.0},
-                                  {.y = -17.0, .heading = kPi / 2.0, .speed = 8.0, .length = 4.0, .width = 1.8}},
-                                 k);
+    TrafficFrame frame =
+        FrameOf({{.x = -20.0, .speed = 10.0},
+                 {.y = -17.0, .heading = kPi / 2.0, .speed = 8.0, .length = 4.0, .width = 1.8}},
+                k);
     if (frame.time > slows + 1e-9) {
       frame.y[1] = -17.0 + 8.0 * slows + 3.0 * (frame.time - slows);
       frame.speed[1] = frame.vy[1] = 3.0;
