@@ -163,7 +163,7 @@
       // A bin [lower, upper, share] without a bound is open.
       const beyond = (bins, x) => bins.reduce((sum, [lower, upper, share]) => sum + ((both && lower != null && lower >= x) || (upper != null && -upper >= x) ? share : 0), 0);
       const curve = (bins) => [...new Set(bins.flatMap(([lower, upper]) => [lower, upper]).filter((x) => x != null).map(Math.abs))].sort((a, b) => a - b)
-        .map((x) => [x, beyond(bins, x)]).filter(([, share]) => share > 0);
+        .map((x) => [x, Math.min(1, beyond(bins, x))]).filter(([, share]) => share > 0);
       return {grid, legend, xAxis: axis(comfort[measure], {min: 0}), yAxis: {...axis('share of driving time', {nameGap: 55}), type: 'log', max: 1},
         tooltip: {trigger: 'axis', axisPointer: {type: 'cross'}, valueFormatter: (v) => format(v, 3)},
         series: sets.map((c) => ({name: c.label, type: 'line', symbol: 'none', color: colour[c.label], data: curve(c.shares[measure])}))};
