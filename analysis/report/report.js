@@ -14,7 +14,7 @@
     node.append(...children);
     return node;
   };
-  const format = (value, digits = 4) => value == null ? '-' : Number(value.toPrecision(digits)).toLocaleString('en');
+  const format = (value, digits = 4) => value == null ? '-' : value.toLocaleString('en', {maximumSignificantDigits: digits});
   const escape = (text) => String(text).replace(/[&<>"]/g, (c) => ({'&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;'}[c]));
 
   // Beside the toolbox, with arrows if there are too many.
@@ -91,7 +91,7 @@
     if (!labels.length) return null;
     const share = (label, policy) => mean(used.filter((r) => r.label === label).map((r) => 100 * (r.shares.find(([p]) => p === policy) || [policy, 0])[1]));
     return {grid: {...grid, left: 170}, legend, color: palette, xAxis: axis('share of vehicles [%]', {min: 0, max: 100}),
-      yAxis: {type: 'category', data: labels, inverse: true, axisLabel: {width: 150, overflow: 'break'}},
+      yAxis: {type: 'category', data: labels, inverse: true, axisLabel: {width: 150, overflow: 'break', lineHeight: 14}},
       tooltip: {trigger: 'axis', axisPointer: {type: 'shadow'}, valueFormatter: (v) => `${format(v)} %`},
       series: drivers.map((policy) => ({name: policy, type: 'bar', stack: 'all', barMaxWidth: 34, encode: {x: 0, y: 1}, data: labels.map((label, i) => [share(label, policy), i])}))};
   });
@@ -108,7 +108,7 @@
       const line = (x1, y1, x2, y2) => ({type: 'line', shape: {x1, y1, x2, y2}, style: {stroke: '#1c2733', lineWidth: 2}});
       return {type: 'group', children: [line(low[0], low[1], high[0], high[1]), line(low[0] - w, low[1], low[0] + w, low[1]), line(low[0] - w, high[1], low[0] + w, high[1])]};
     };
-    return {grid, xAxis: {type: 'category', data: labels}, yAxis: axis(info.label, {nameGap: 60}),
+    return {grid, xAxis: {type: 'category', data: labels, axisLabel: {interval: 0, width: (page.clientWidth - 160) / labels.length - 8, overflow: 'break', lineHeight: 14}}, yAxis: axis(info.label, {nameGap: 60}),
       tooltip: {trigger: 'item', formatter: (p) => p.data.run ? `run ${p.data.run.run_id}, seed ${p.data.run.seed}<br>${escape(p.data.run.label)}<br><b>${format(p.value[1])}</b>`
         : `${escape(labels[p.value[0]])}<br>mean <b>${format(summaries[p.value[0]].mean)}</b>` + (summaries[p.value[0]].interval ? `<br>95 %: ${summaries[p.value[0]].interval.map((v) => format(v)).join(' to ')}` : '')},
       series: [
@@ -163,7 +163,7 @@
       // A bin [lower, upper, share] without a bound is open.
       const beyond = (bins, x) => bins.reduce((sum, [lower, upper, share]) => sum + ((both && lower != null && lower >= x) || (upper != null && -upper >= x) ? share : 0), 0);
       const curve = (bins) => [...new Set(bins.flatMap(([lower, upper]) => [lower, upper]).filter((x) => x != null).map(Math.abs))].sort((a, b) => a - b)
-        .map((x) => [x, beyond(bins, x)]).filter(([, share]) => share > 0);
+        .map((x) => [x, Math.min(1, beyond(bins, x))]).filter(([, share]) => share > 0);
       return {grid, legend, xAxis: axis(comfort[measure], {min: 0}), yAxis: {...axis('share of driving time', {nameGap: 55}), type: 'log', max: 1},
         tooltip: {trigger: 'axis', axisPointer: {type: 'cross'}, valueFormatter: (v) => format(v, 3)},
         series: sets.map((c) => ({name: c.label, type: 'line', symbol: 'none', color: colour[c.label], data: curve(c.shares[measure])}))};
