@@ -454,10 +454,7 @@ void AddBls(CLI::App* train, std::function<int()>* chosen) {
                   "standard deviation of the enhancement nodes' sums")
       ->capture_default_str();
   bls->add_option("--feature-reach", o->bls.feature_reach,
-                  "sectors over which a node's weights are correlated on each side; 0 = independent")
-      ->capture_default_str();
-  bls->add_option("--symmetric-share", o->bls.symmetric_share,
-                  "weight of feature nodes that weigh both sides alike, against those that compare them")
+                  "sectors over which a node's weights are correlated; 0 = independent")
       ->capture_default_str();
   bls->add_option(
          "--grow", o->grow,
