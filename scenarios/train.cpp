@@ -431,7 +431,7 @@ void AddBp(CLI::App* train, std::function<int()>* chosen) {
       "Examples:\n"
       "  lanewise train bp                                        (the experiment of [A])\n"
       "  lanewise train bp --method lm --goal 1e-6 --plot error.svg -o bp.json\n"
-      "  lanewise train bp --method lm --goal 1e-6 --all -o bp.json   (the network that is shipped)\n"
+      "  lanewise train bp --method lm --goal 1e-6 --all -o bp.json   (to drive with)\n"
       "  lanewise run --scenario town --policy dwa --record-samples town.csv\n"
       "  lanewise train bp --samples town.csv --balance --method lm --epochs 200 -o town.json   (imitates "
       "dwa)\n"
