@@ -431,7 +431,7 @@ void AddBp(CLI::App* train, std::function<int()>* chosen) {
       "Examples:\n"
       "  lanewise train bp                                        (the experiment of [A])\n"
       "  lanewise train bp --method lm --goal 1e-6 --plot error.svg -o bp.json\n"
-      "  lanewise train bp --method lm --goal 1e-6 --all -o bp.json   (the network that is shipped)\n"
+      "  lanewise train bp --method lm --goal 1e-6 --all -o bp.json   (to drive with)\n"
       "  lanewise run --scenario town --policy dwa --record-samples town.csv\n"
       "  lanewise train bp --samples town.csv --balance --method lm --epochs 200 -o town.json   (imitates "
       "dwa)\n"
@@ -454,10 +454,7 @@ void AddBls(CLI::App* train, std::function<int()>* chosen) {
                   "standard deviation of the enhancement nodes' sums")
       ->capture_default_str();
   bls->add_option("--feature-reach", o->bls.feature_reach,
-                  "sectors over which a node's weights are correlated on each side; 0 = independent")
-      ->capture_default_str();
-  bls->add_option("--symmetric-share", o->bls.symmetric_share,
-                  "weight of feature nodes that weigh both sides alike, against those that compare them")
+                  "sectors over which a node's weights are correlated; 0 = independent")
       ->capture_default_str();
   bls->add_option(
          "--grow", o->grow,

@@ -12,18 +12,17 @@ namespace lanewise {
 namespace {
 
 constexpr double kNoCutOff = 10.0;
-/// Standard deviation of an enhancement node's bias against that of its sum.
-constexpr double kEnhancementBias = 0.6;
-constexpr int kSide = kNetInputs / 2;
+/// Standard deviation of a feature node's bias; its sum of inputs has 1.
+constexpr double kFeatureBias = 2.0;
 
-using SideMatrix = Eigen::Matrix<double, kSide, kSide>;
+using SectorMatrix = Eigen::Matrix<double, kNetInputs, kNetInputs>;
 
-/// L with L L^T the correlation exp(-(i - j)^2 / (2 reach^2)) between the weights of sectors i and j of a
-/// side.
-SideMatrix SmoothingFactor(double reach) {
-  SideMatrix correlation = SideMatrix::Identity();
-  for (int i = 0; reach > 0.0 && i < kSide; ++i) {
-    for (int j = 0; j < kSide; ++j) correlation(i, j) = std::exp(-0.5 * (i - j) * (i - j) / (reach * reach));
+/// L with L L^T the correlation exp(-(i - j)^2 / (2 reach^2)) between the weights of sectors i and j.
+SectorMatrix SmoothingFactor(double reach) {
+  SectorMatrix correlation = SectorMatrix::Identity();
+  for (int i = 0; reach > 0.0 && i < kNetInputs; ++i) {
+    for (int j = 0; j < kNetInputs; ++j)
+      correlation(i, j) = std::exp(-0.5 * (i - j) * (i - j) / (reach * reach));
   }
   correlation.diagonal().array() += 1e-6;  // Positive definite in spite of rounding.
   return correlation.llt().matrixL();
@@ -80,14 +79,13 @@ Eigen::MatrixXd TargetMatrix(std::span<const LabelledScan> samples) {
 
 BlsTrainer::BlsTrainer(std::span<const LabelledScan> samples, const BlsOptions& options, std::uint64_t seed)
     : samples_(MergeEqual({samples.begin(), samples.end()})), options_(options), seed_(seed) {
-  CheckOption("feature groups", options.feature_groups, 2, BlsNet::kMaxNodes);
+  CheckOption("feature groups", options.feature_groups, 1, BlsNet::kMaxNodes);
   CheckOption("feature nodes", double{1} * options.feature_groups * options.features_per_group, 1,
               BlsNet::kMaxNodes);
   CheckOption("enhancement nodes", options.enhancements, 0, BlsNet::kMaxNodes);
   CheckOption("ridge", options.ridge, 1e-12, 1e6);
   CheckOption("enhancement scale", options.enhancement_scale, 1e-6, 100.0);
   CheckOption("feature reach", options.feature_reach, 0.0, 100.0);
-  CheckOption("symmetric share", options.symmetric_share, 1e-3, 100.0);
   DrawFeatures();
   DrawEnhancements(0, options.enhancements);
   const Eigen::MatrixXd a = DesignMatrix(net_, samples_);
@@ -102,20 +100,15 @@ void BlsTrainer::DrawFeatures() {
   const int nodes = options_.feature_groups * options_.features_per_group;
   net_.feature_weights.resize(nodes, kNetInputs);
   net_.feature_biases.resize(nodes);
-  // The constant node makes up for their biases.
-  net_.feature_biases.setZero();
-  const SideMatrix smooth = SmoothingFactor(options_.feature_reach);
+  const SectorMatrix smooth = SmoothingFactor(options_.feature_reach);
   for (int node = 0; node < nodes; ++node) {
     const RandomStream random(seed_, static_cast<std::uint64_t>(node), RandomPurpose::kRandomNodes, 0);
-    Eigen::Matrix<double, kSide, 1> draw;
-    for (int i = 0; i < kSide; ++i) draw[i] = random.Normal(static_cast<std::uint64_t>(i), kNoCutOff);
+    Eigen::Matrix<double, kNetInputs, 1> draw;
+    for (int i = 0; i < kNetInputs; ++i) draw[i] = random.Normal(static_cast<std::uint64_t>(i), kNoCutOff);
     // Inputs are +-1: the sum has variance 1.
-    draw = smooth * draw / std::sqrt(kNetInputs);
-    const double right = ComparesSides(node) ? -1.0 : 1.0;
-    for (int i = 0; i < kSide; ++i) {
-      net_.feature_weights(node, kSide - 1 - i) = draw[i];
-      net_.feature_weights(node, kSide + i) = right * draw[i];
-    }
+    if (node >= FirstSmoothFeature()) draw = smooth * draw;
+    net_.feature_weights.row(node) = draw.transpose() / std::sqrt(kNetInputs);
+    net_.feature_biases[node] = kFeatureBias * random.Normal(kNetInputs, kNoCutOff);
   }
 }
 
@@ -125,16 +118,13 @@ void BlsTrainer::DrawEnhancements(int first, int count) {
   net_.enhancement_biases.conservativeResize(first + count);
   for (int node = first; node < first + count; ++node) {
     const RandomStream random(seed_, static_cast<std::uint64_t>(node), RandomPurpose::kRandomNodes, 1);
-    Eigen::RowVectorXd weights(features);
-    for (int j = 0; j < features; ++j) {
-      weights[j] = (ComparesSides(j) ? 1.0 : options_.symmetric_share) *
-                   random.Normal(static_cast<std::uint64_t>(j), kNoCutOff);
-    }
+    Eigen::RowVectorXd weights = Eigen::RowVectorXd::Zero(features);
+    for (int j = FirstSmoothFeature(); j < features; ++j)
+      weights[j] = random.Normal(static_cast<std::uint64_t>(j), kNoCutOff);
     // Inputs are +-1: the sum over them then has the standard deviation that is asked for.
-    net_.enhancement_weights.row(node) =
-        options_.enhancement_scale / (weights * net_.feature_weights).norm() * weights;
-    net_.enhancement_biases[node] = options_.enhancement_scale * kEnhancementBias *
-                                    random.Normal(static_cast<std::uint64_t>(features), kNoCutOff);
+    const double scale = options_.enhancement_scale / (weights * net_.feature_weights).norm();
+    net_.enhancement_weights.row(node) = scale * weights;
+    net_.enhancement_biases[node] = scale * random.Normal(static_cast<std::uint64_t>(features), kNoCutOff);
   }
 }
 

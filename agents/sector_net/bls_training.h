@@ -10,18 +10,15 @@
 namespace lanewise {
 
 struct BlsOptions {
-  int feature_groups{6};          ///< Groups of feature nodes; >= 2.
+  int feature_groups{6};          ///< Groups of feature nodes; >= 1.
   int features_per_group{4};      ///< >= 1; groups x nodes at most BlsNet::kMaxNodes.
   int enhancements{60};           ///< >= 0, at most BlsNet::kMaxNodes.
   double ridge{0.1};              ///< [-] lambda of the ridge regression; > 0.
-  double enhancement_scale{1.0};  ///< [-] standard deviation of the enhancement nodes' sums; > 0.
-  /// [sectors] over which the weights of a feature node are correlated on each side, as a thing is seen by
-  /// neighbours together; 0 = independent.
+  double enhancement_scale{0.4};  ///< [-] standard deviation of the enhancement nodes' sums; > 0.
+  /// [sectors] over which the weights of the smooth feature nodes are correlated; 0 = independent. The first
+  /// half of the groups weighs each sector by itself, the other half neighbours alike, as a side is seen by
+  /// neighbours together; enhancement nodes are maps of the smooth half.
   double feature_reach{2.0};
-  /// [-] weight in the enhancement nodes of feature nodes that weigh both sides alike, against those that
-  /// weigh them against each other. A vehicle is the same on both sides: which one to take depends on how
-  /// they differ. Half of the groups are of either kind.
-  double symmetric_share{0.1};
 };
 
 /// Trains a broad learning system and lets it grow without training anew. The output weights C solve
@@ -36,7 +33,7 @@ class BlsTrainer {
   BlsTrainer(std::span<const LabelledScan> samples, const BlsOptions& options, std::uint64_t seed);
 
   /// Further random enhancement nodes: the same as if `options.enhancements` had been larger. The feature
-  /// nodes are linear maps of eight inputs, so more than eight of them span nothing new: only enhancement
+  /// nodes are linear maps of eight inputs, so more than nine of them span nothing new: only enhancement
   /// nodes are added.
   void AddEnhancements(int count);
   void AddSamples(std::span<const LabelledScan> samples);
@@ -46,8 +43,8 @@ class BlsTrainer {
   const BlsOptions& options() const { return options_; }
 
  private:
-  /// Does a feature node weigh the left side against the right one, or both alike?
-  bool ComparesSides(int feature) const { return feature / options_.features_per_group % 2 == 0; }
+  /// Features from here on are smooth.
+  int FirstSmoothFeature() const { return options_.feature_groups / 2 * options_.features_per_group; }
   void DrawFeatures();
   void DrawEnhancements(int first, int count);
   void Solve();

@@ -78,11 +78,11 @@ TEST(BlsTraining, EqualSamplesCountByTheirNumber) {
             1e-9);
 }
 
-// Linear maps of eight inputs have rank eight: exact.
+// Linear maps of eight inputs and a constant have rank nine: exact.
 TEST(BlsTraining, SimplifyingTheFeatureNodesLosesNothing) {
   const BlsTrainer trainer(GeneratedSamples(), {}, 4);
   const BlsNet simple = Simplify(trainer.net(), trainer.samples(), trainer.options().ridge, 0.0);
-  EXPECT_EQ(simple.features(), 8);
+  EXPECT_EQ(simple.features(), 9);
   EXPECT_EQ(simple.enhancements(), trainer.net().enhancements());
   for (const LabelledScan& sample : trainer.samples()) {
     const NetOutputs a = trainer.net().Forward(sample.sectors), b = simple.Forward(sample.sectors);
