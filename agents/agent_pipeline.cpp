@@ -236,10 +236,10 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   }
 
   // Control.
-  const bool emergency = avoided.emergency || rule.emergency ||
-                         (plan.status == PlanStatus::kNoFeasibleCommand &&
-                                               speed > SafeSpeed(leader_gap - 0.3, leader_speed,
-                                                                 vehicle.emergency_decel - 1.0, 0.25));
+  const bool emergency =
+      avoided.emergency || rule.emergency ||
+      (plan.status == PlanStatus::kNoFeasibleCommand &&
+       speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25));
   next.speed_pid[i] = now.speed_pid[i];
   next.steering_pid[i] = now.steering_pid[i];
   const double accel = ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed,

@@ -32,7 +32,7 @@ struct RuleState {
   float stop_at{0.0f};
   std::int32_t waits_for{kNone};  ///< Vehicle number.
   RuleReason reason{RuleReason::kGo};
-  std::uint8_t forced{0};         ///< Its turn in a circle of waiting vehicles: rules that no longer bind it.
+  std::uint8_t forced{0};  ///< Its turn in a circle of waiting vehicles: rules that no longer bind it.
 };
 
 /// What changes of a vehicle from step to step: column i of every vector is row i of Traffic.

@@ -59,7 +59,8 @@ void RuleWatch::WatchSignal(double time, const Traffic& traffic, std::size_t row
   const Lane& here = network_.lanes[lane];
   if (watched->connection != kNone && lane != watched->lane) {
     const char shown = Shows(traffic, watched->connection);
-    if (here.edge != network_.lanes[watched->lane].edge && watched->could_stop && (shown == 'r' || shown == 'u'))
+    if (here.edge != network_.lanes[watched->lane].edge && watched->could_stop &&
+        (shown == 'r' || shown == 'u'))
       Note(RuleEventKind::kRedLight, time, traffic.number[row], watched->lane);
   }
   // The link its route takes at the end of this lane.

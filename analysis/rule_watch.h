@@ -23,8 +23,8 @@ struct RuleEventRow {
   LaneIndex lane{kNone};  ///< The lane left at a red light; else where the vehicle stands.
 };
 
-/// Watches all vehicles, whoever drives them, from their motion and what the signals show; it knows nothing of
-/// what an agent decided. Only forced entries are the agents' own word.
+/// Watches all vehicles, whoever drives them, from their motion and what the signals show; it knows nothing
+/// of what an agent decided. Only forced entries are the agents' own word.
 class RuleWatch {
  public:
   RuleWatch(const RoadNetwork& network, double step_length) : network_(network), dt_(step_length) {}

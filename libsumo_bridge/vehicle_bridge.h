@@ -62,8 +62,8 @@ class VehicleBridge {
   /// Before a SUMO step: hands the agents' commands over.
   void Write(double dt, Traffic* traffic, const Commands& commands);
 
-  /// By row: at the junction ahead of this vehicle the rules say who goes first; with Rules::kSumo SUMO's checks
-  /// are on in the coming step.
+  /// By row: at the junction ahead of this vehicle the rules say who goes first; with Rules::kSumo SUMO's
+  /// checks are on in the coming step.
   const std::vector<std::uint8_t>& guarded() const { return guarded_; }
   const VehicleRecord& record(std::size_t row) const { return records_[row]; }
   std::span<const std::int32_t> new_vehicles() const {
@@ -95,7 +95,6 @@ class VehicleBridge {
     bool checks_on{false};      // Speed mode 31 is set.
     bool route_changed{false};  // Since the last command.
     bool halted_at_lane_end{false};
-    bool acts_each_step{false};  // SUMO was told so: it drives this vehicle.
     std::int8_t change_commanded{0};
     double change_shift{0.0};        // [m] see Commands.
     LaneIndex expected_lane{kNone};  // Where the command should lead.
@@ -119,8 +118,6 @@ class VehicleBridge {
   void Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic);
   void Expect(std::size_t row, double speed, int change, double shift, double dt, const Traffic& traffic);
   void SetChecks(std::size_t row, bool on);
-  /// With Rules::kAgent SUMO acts once a second, but for those it drives itself.
-  void ActInEachStep(std::size_t row, double dt);
   /// [m] to the end of the first lane on the way that does not lead along the route; huge if none is near.
   double DistanceToDeadEnd(std::size_t row, const Traffic& traffic) const;
   /// Lane changes to the best lane for the vehicle's route: > 0 to the left, < 0 to the right.

@@ -89,7 +89,10 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
     const std::int64_t theirs = native_report.rule_events[k], ours = report.rule_events[k];
     const bool red = kind == RuleEventKind::kRedLight, standstill = kind == RuleEventKind::kStandstill;
     table.Row(fmt::format("rules: {}", kRuleEventNames[k]).c_str(), count(theirs), count(ours),
-              red ? "0" : standstill ? "<= native" : "", red ? ours == 0 : !standstill || ours <= theirs);
+              red          ? "0"
+              : standstill ? "<= native"
+                           : "",
+              red ? ours == 0 : !standstill || ours <= theirs);
   }
   table.Row("near misses (TTC < 1.5 s)", count(n.near_misses.value_or(0)), count(a.near_misses.value_or(0)),
             "", true);

@@ -18,9 +18,9 @@ struct RunReport {
   std::int64_t run_id{0};  ///< In the results file; 0 without one.
   std::int64_t lane_end_halts{0};
   std::int64_t emergency_stops{0};
-  std::int64_t samples{0};    ///< Sector-scan samples recorded.
+  std::int64_t samples{0};                                             ///< Sector-scan samples recorded.
   std::array<std::int64_t, std::size(kRuleEventNames)> rule_events{};  ///< By RuleEventKind.
-  double agent_time{0.0};     ///< [s] wall time in the agents' step.
+  double agent_time{0.0};                                              ///< [s] wall time in the agents' step.
   double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.
   double record_time{0.0};    ///< [s] wall time for measures and results.
   double finish_time{0.0};    ///< [s] wall time after the last step, until the results are closed.

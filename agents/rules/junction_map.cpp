@@ -50,7 +50,8 @@ Path SampleCrossing(const Lane& lane) {
   const int pieces = std::max(1, static_cast<int>(std::ceil(length / kSpacing)));
   for (int k = 0; k <= pieces; ++k) {
     const double share = static_cast<double>(k) / pieces;
-    path.push_back({static_cast<float>(share * length), a.x + share * (b.x - a.x), a.y + share * (b.y - a.y)});
+    path.push_back(
+        {static_cast<float>(share * length), a.x + share * (b.x - a.x), a.y + share * (b.y - a.y)});
   }
   return path;
 }
@@ -146,8 +147,14 @@ JunctionMap::JunctionMap(const RoadNetwork& network, const std::vector<LaneCurve
       const auto mine = PartNear(paths[i], paths[foe_index], reach);
       const auto its = PartNear(paths[foe_index], paths[i], foe.crossing ? kPersonReach : kReach);
       if (!mine || !its) continue;
-      ConflictArea area{foe_index,  mine->begin, mine->end, its->begin, its->end, !foe.crossing && foe.to == link.to,
-                        Bit(own.response, r), Bit(requests[r].response, connection.request)};
+      ConflictArea area{foe_index,
+                        mine->begin,
+                        mine->end,
+                        its->begin,
+                        its->end,
+                        !foe.crossing && foe.to == link.to,
+                        Bit(own.response, r),
+                        Bit(requests[r].response, connection.request)};
       if (area.merges) {
         area.end = link.length;
         area.foe_end = foe.length;

@@ -10,29 +10,29 @@
 
 namespace lanewise {
 
-/// Where the paths of two links of a junction come so near that vehicles on both would touch. Positions [m] count
-/// along each link from its stop line.
+/// Where the paths of two links of a junction come so near that vehicles on both would touch. Positions [m]
+/// count along each link from its stop line.
 struct ConflictArea {
-  std::int32_t foe{kNone};            ///< Index of the other link.
-  float begin{0}, end{0};             ///< On this link.
-  float foe_begin{0}, foe_end{0};     ///< On the other one.
-  bool merges{false};                 ///< Both lead to the same lane.
-  bool yields{false};                 ///< The net file has this link give way to the other.
-  bool foe_yields{false};             ///< And the other way round.
+  std::int32_t foe{kNone};         ///< Index of the other link.
+  float begin{0}, end{0};          ///< On this link.
+  float foe_begin{0}, foe_end{0};  ///< On the other one.
+  bool merges{false};              ///< Both lead to the same lane.
+  bool yields{false};              ///< The net file has this link give way to the other.
+  bool foe_yields{false};          ///< And the other way round.
 };
 
-/// A way through a junction, from the stop line of a normal lane to the lane behind the junction; or a pedestrian
-/// crossing, from one end to the other.
+/// A way through a junction, from the stop line of a normal lane to the lane behind the junction; or a
+/// pedestrian crossing, from one end to the other.
 struct JunctionLink {
   std::int32_t connection{kNone};  ///< Where it begins, index in RoadNetwork::connections.
   LaneIndex from{kNone}, to{kNone};
   std::int32_t signal{kNone}, signal_link{kNone};
-  char state{'M'};                 ///< Without a signal; SUMO's letter.
-  bool crossing{false};            ///< For pedestrians.
-  bool keep_clear{true};           ///< Must not be entered without room behind it.
-  float length{0.0f};              ///< [m] through the junction.
-  float wait_at{0.0f};             ///< [m] where one may wait inside the junction; 0: nowhere.
-  float speed{13.9f};              ///< [m/s] mean of what its bends and limits allow.
+  char state{'M'};        ///< Without a signal; SUMO's letter.
+  bool crossing{false};   ///< For pedestrians.
+  bool keep_clear{true};  ///< Must not be entered without room behind it.
+  float length{0.0f};     ///< [m] through the junction.
+  float wait_at{0.0f};    ///< [m] where one may wait inside the junction; 0: nowhere.
+  float speed{13.9f};     ///< [m/s] mean of what its bends and limits allow.
   std::uint32_t first_area{0}, area_count{0};
 };
 

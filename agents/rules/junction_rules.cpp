@@ -10,9 +10,9 @@
 namespace lanewise {
 namespace {
 
-constexpr double kNever = 1e6;                // [s]
-constexpr float kNowhere = 1e9f;              // [m]
-constexpr double kStanding = 0.1;             // [m/s]
+constexpr double kNever = 1e6;     // [s]
+constexpr float kNowhere = 1e9f;   // [m]
+constexpr double kStanding = 0.1;  // [m/s]
 /// [m] before a stop line within which a vehicle that stands has halted at it.
 constexpr double kHaltZone = 3.0;
 /// [m] kept to the place where a vehicle has to stop, and by which it may stop short of it or beyond.
@@ -32,8 +32,8 @@ constexpr double kBehindGap = 0.3;
 constexpr double kMergeGap = 1.0;
 /// [s] for which whoever moves behind the junction will make room; [m/s] faster than which it is no queue.
 constexpr double kExitForesight = 1.5, kQueueSpeed = 5.0;
-/// [s] of standing after which a circle of vehicles that wait for each other is broken: first rights of way, then
-/// room behind the junction no longer count.
+/// [s] of standing after which a circle of vehicles that wait for each other is broken: first rights of way,
+/// then room behind the junction no longer count.
 constexpr float kYieldPatience = 1.5f, kRoomPatience = 20.0f;
 /// Longest chain of waiting vehicles that is followed.
 constexpr int kLongestChain = 64;
@@ -151,7 +151,8 @@ void JunctionRules::ListLinks(const World& world, AgentIndex row) {
   }
   while (plan != nullptr && lane != kNone) {
     ahead += network_.lanes[lane].length;
-    if (ahead > view || position + 1 >= plan->route().size() || plan->route()[position] != network_.lanes[lane].edge)
+    if (ahead > view || position + 1 >= plan->route().size() ||
+        plan->route()[position] != network_.lanes[lane].edge)
       break;
     const LaneAdvice& advice = plan->At(position, network_.lanes[lane].index);
     if (advice.connection == kNone) break;
@@ -160,7 +161,8 @@ void JunctionRules::ListLinks(const World& world, AgentIndex row) {
       if (Append(row, link, ahead) == nullptr) break;
       ahead += map_.links()[link].length;
     } else {
-      for (LaneIndex via = network_.connections[advice.connection].via; via != kNone && network_.lanes[via].internal;) {
+      for (LaneIndex via = network_.connections[advice.connection].via;
+           via != kNone && network_.lanes[via].internal;) {
         ahead += network_.lanes[via].length;
         via = network_.lanes[via].outgoing.empty()
                   ? kNone
@@ -254,7 +256,8 @@ void JunctionRules::Build(const World& world) {
   by_link_.resize(link_start_.back());
   std::copy(link_start_.begin(), link_start_.end(), link_fill_.begin());
   for (std::size_t i = 0; i < traffic.size(); ++i) {
-    for (const Approach& approach : Of(static_cast<AgentIndex>(i))) by_link_[link_fill_[approach.link]++] = approach;
+    for (const Approach& approach : Of(static_cast<AgentIndex>(i)))
+      by_link_[link_fill_[approach.link]++] = approach;
   }
   for (std::size_t k = 0; k + 1 < link_start_.size(); ++k) {
     if (link_start_[k + 1] - link_start_[k] < 2) continue;
@@ -330,16 +333,17 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   double clear_at = end + length;
   double margin = gap;
   if (area.merges) {
-    // Ahead of it by the ego's length when it comes to the area; and it must not come up from behind too fast.
+    // Ahead of it by the ego's length when it comes to the area; and it must not come up from behind too
+    // fast.
     clear_at = std::min(clear_at, link.length - foe.length + foe_begin + length + kMergeGap);
     const double closing = its_speed - std::min<double>(link.speed, speed + 3.0);
     if (closing > 0.0) margin += closing * closing / (2.0 * kBendDecel * std::max(1.0, its_speed));
   }
   double its_arrival = TimeTo(world, other, foe_begin, 1.0);
   if (impatience > 0.0 && !other.person && !its_bound) {
-    its_arrival = std::max(its_arrival, std::min(2.0 * its_arrival + 1.0,
-                                                 TimeToCoverBraking(foe_begin - q, its_speed,
-                                                                    impatience * kImposedDecel)));
+    // The longer the ego has waited, the more it counts on the other to brake gently.
+    const double braked = TimeToCoverBraking(foe_begin - q, its_speed, impatience * kImposedDecel);
+    its_arrival += impatience * std::max(0.0, std::min(2.0 * its_arrival + 1.0, braked) - its_arrival);
   }
   const bool first = !inside && TimeTo(world, own, clear_at, 1.0) + margin < its_arrival;
   if (first) return false;
@@ -364,11 +368,13 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
     if (!CanStop(begin - p, speed, traffic.params[own.row].max_decel, 0.1)) return false;
     if (area.yields != area.foe_yields && !IsPriority(state)) return area.yields;
     if (area.yields != area.foe_yields && area.foe_yields) return false;
-    return its_arrival != arrival ? its_arrival < arrival : traffic.number[other.row] < traffic.number[own.row];
+    return its_arrival != arrival ? its_arrival < arrival
+                                  : traffic.number[other.row] < traffic.number[own.row];
   }
   // Neither is: the right of way decides.
   if (forced > 0) return false;
-  // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both start.
+  // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both
+  // start.
   if (!other.going && !WaitsFor(world, other.row, own.row)) return false;
   if (state == 'w') {
     const float here = traffic.now.rule[own.row].at_line, there = traffic.now.rule[other.row].at_line;
@@ -399,7 +405,8 @@ AgentIndex JunctionRules::BlockerBehind(const World& world, AgentIndex ego, cons
     if (way.lanes[k].start - own.distance - filled - vehicle.length > last_conflict) return kNone;
     for (const Occupant& occupant : world.occupancy->On(way.lanes[k].lane)) {
       const double front = way.lanes[k].start + occupant.s;
-      if (front <= 0.0 || occupant.row == ego || traffic.now.lane[occupant.row] != way.lanes[k].lane) continue;
+      if (front <= 0.0 || occupant.row == ego || traffic.now.lane[occupant.row] != way.lanes[k].lane)
+        continue;
       const double speed = traffic.now.speed[occupant.row];
       const VehicleParams& other = traffic.params[occupant.row];
       if (front > own.distance && speed < kQueueSpeed &&
@@ -421,8 +428,8 @@ bool JunctionRules::WaitsFor(const World& world, AgentIndex row, AgentIndex whom
   return false;
 }
 
-/// If the ego is in a circle of standing vehicles that wait for each other and its turn it is: how far the rules
-/// give way to it. 1: rights of way, 2: room behind the junction too.
+/// If the ego is in a circle of standing vehicles that wait for each other and its turn it is: how far the
+/// rules give way to it. 1: rights of way, 2: room behind the junction too.
 int JunctionRules::Forced(const World& world, AgentIndex ego) const {
   const Traffic& traffic = *world.traffic;
   const Motion& now = traffic.now;
@@ -447,8 +454,7 @@ int JunctionRules::Forced(const World& world, AgentIndex ego) const {
 }
 
 JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex ego, const Approach& own,
-                                                const WayAhead& way, int forced,
-                                                RuleAnswer* answer) const {
+                                                const WayAhead& way, int forced, RuleAnswer* answer) const {
   const Traffic& traffic = *world.traffic;
   const VehicleParams& vehicle = traffic.params[ego];
   const JunctionLink& link = map_.links()[own.link];
@@ -495,7 +501,8 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
         if (other.stops_at > area.foe_begin && ahead > 0.0 && other.position() - its_length < area.foe_end) {
           const double gap = std::max(ahead - its_length - vehicle.min_gap, area.begin - p - kWaitMargin);
           const double its_speed = ahead > its_length ? traffic.now.speed[other.row] : 0.0;
-          answer->speed_cap = std::min(answer->speed_cap, SafeSpeed(gap, its_speed, comfort, kApproachResponse));
+          answer->speed_cap =
+              std::min(answer->speed_cap, SafeSpeed(gap, its_speed, comfort, kApproachResponse));
           if (ahead > its_length) continue;
         }
       }
@@ -511,8 +518,8 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
   return verdict;
 }
 
-RuleAnswer JunctionRules::Decide(const World& world, AgentIndex ego, const WayAhead& way, const Leader& leader,
-                                 double dt) const {
+RuleAnswer JunctionRules::Decide(const World& world, AgentIndex ego, const WayAhead& way,
+                                 const Leader& leader, double dt) const {
   const Traffic& traffic = *world.traffic;
   const Motion& now = traffic.now;
   const VehicleParams& vehicle = traffic.params[ego];

@@ -16,11 +16,11 @@ namespace lanewise {
 struct Approach {
   AgentIndex row{kNone};
   std::int32_t link{kNone};
-  float distance{0.0f};      ///< [m] from the front bumper to the stop line; < 0 behind it.
-  float stops_at{0.0f};      ///< [m] on the link: the next place where it still can halt and may; huge if none.
-  bool going{true};          ///< Will take the link as soon as it is there, as far as known.
-  bool person{false};        ///< On a crossing.
-  bool backward{false};      ///< Walks against the link's direction.
+  float distance{0.0f};  ///< [m] from the front bumper to the stop line; < 0 behind it.
+  float stops_at{0.0f};  ///< [m] on the link: the next place where it still can halt and may; huge if none.
+  bool going{true};      ///< Will take the link as soon as it is there, as far as known.
+  bool person{false};    ///< On a crossing.
+  bool backward{false};  ///< Walks against the link's direction.
 
   float position() const { return -distance; }  ///< [m] of the front on the link.
 };
@@ -39,14 +39,15 @@ double TimeToCoverBraking(double distance, double speed, double decel);
 /// Can a vehicle still halt within `distance`, braking at `decel` after `reaction` [s]?
 bool CanStop(double distance, double speed, double decel, double reaction);
 
-/// Signals, right of way, and junctions kept clear: the rules of the road. Build lists once a step who approaches
-/// which link; Decide then tells an agent how fast it may drive. Both read the state `now` only.
+/// Signals, right of way, and junctions kept clear: the rules of the road. Build lists once a step who
+/// approaches which link; Decide then tells an agent how fast it may drive. Both read the state `now` only.
 class JunctionRules {
  public:
   JunctionRules(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params);
 
   void Build(const World& world);
-  RuleAnswer Decide(const World& world, AgentIndex ego, const WayAhead& way, const Leader& leader, double dt) const;
+  RuleAnswer Decide(const World& world, AgentIndex ego, const WayAhead& way, const Leader& leader,
+                    double dt) const;
 
   const JunctionMap& map() const { return map_; }
   /// Who approaches a link or is on it, the foremost first.
@@ -87,8 +88,8 @@ class JunctionRules {
   const RoadNetwork& network_;
   AgentParams params_;
   JunctionMap map_;
-  std::vector<Approach> own_;                 // By row, kMaxLinks each.
-  std::vector<std::int8_t> count_;            // By row.
+  std::vector<Approach> own_;       // By row, kMaxLinks each.
+  std::vector<std::int8_t> count_;  // By row.
   std::vector<Approach> by_link_;
   std::vector<std::uint32_t> link_start_, link_fill_;
   std::vector<AgentIndex> row_of_number_;

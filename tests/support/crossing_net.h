@@ -7,12 +7,13 @@
 
 namespace lanewise {
 
-inline constexpr double kArm = 150.0;          ///< [m] length of every road of CrossingNet.
-inline constexpr double kCrossingHalf = 8.0;   ///< [m] from its middle to the stop lines.
-inline constexpr double kCrossingSide = 1.6;   ///< [m] of every lane to the right of the middle of its road.
+inline constexpr double kArm = 150.0;         ///< [m] length of every road of CrossingNet.
+inline constexpr double kCrossingHalf = 8.0;  ///< [m] from its middle to the stop lines.
+inline constexpr double kCrossingSide = 1.6;  ///< [m] of every lane to the right of the middle of its road.
 
-/// Four one-lane roads "n", "e", "s", "w" towards a crossing at (0, 0), named by where they come from, and four away
-/// from it, "n_out" to "w_out". All go straight on: links 0 (from n), 1 (from e), 2 (from s), 3 (from w).
+/// Four one-lane roads "n", "e", "s", "w" towards a crossing at (0, 0), named by where they come from, and
+/// four away from it, "n_out" to "w_out". All go straight on: links 0 (from n), 1 (from e), 2 (from s), 3
+/// (from w).
 /// @param states SUMO's state letter of each link; @param yields by link, the links it yields to.
 /// @param signal all links have a signal "J".
 inline RoadNetwork CrossingNet(const std::string& states, const std::array<std::string, 4>& yields,
@@ -22,7 +23,8 @@ inline RoadNetwork CrossingNet(const std::string& states, const std::array<std::
     double x, y;  // Where it comes from.
     const char* to;
   };
-  const Arm arms[] = {{"n", 0, 1, "s_out"}, {"e", 1, 0, "w_out"}, {"s", 0, -1, "n_out"}, {"w", -1, 0, "e_out"}};
+  const Arm arms[] = {
+      {"n", 0, 1, "s_out"}, {"e", 1, 0, "w_out"}, {"s", 0, -1, "n_out"}, {"w", -1, 0, "e_out"}};
   std::string inner, roads, requests, links, inner_links;
   const auto bits = [](const std::string& set) {
     std::string text = "0000";
@@ -35,31 +37,39 @@ inline RoadNetwork CrossingNet(const std::string& states, const std::array<std::
     // Right of the direction of travel (-x, -y) is (-y, x).
     const double rx = -a.y * kCrossingSide, ry = a.x * kCrossingSide;
     const double in = kCrossingHalf, out = kCrossingHalf + kArm;
-    const std::string lane = R"(<edge id="{0}"{1}><lane id="{0}_0" index="0" speed="13.89" length="{2}" shape="{3},{4} {5},{6}"/></edge>)";
-    inner += fmt::format(fmt::runtime(lane), fmt::format(":J_{}", k), " function=\"internal\"", 2.0 * in, a.x * in + rx,
-                         a.y * in + ry, -a.x * in + rx, -a.y * in + ry);
-    roads += fmt::format(fmt::runtime(lane), a.name, fmt::format(" from=\"{}\" to=\"J\"", a.name), kArm, a.x * out + rx,
-                         a.y * out + ry, a.x * in + rx, a.y * in + ry);
-    roads += fmt::format(fmt::runtime(lane), a.to, fmt::format(" from=\"J\" to=\"{}\"", std::string(1, a.to[0])), kArm,
-                         -a.x * in + rx, -a.y * in + ry, -a.x * out + rx, -a.y * out + ry);
+    const std::string lane =
+        R"(<edge id="{0}"{1}><lane id="{0}_0" index="0" speed="13.89" length="{2}" shape="{3},{4} {5},{6}"/></edge>)";
+    inner += fmt::format(fmt::runtime(lane), fmt::format(":J_{}", k), " function=\"internal\"", 2.0 * in,
+                         a.x * in + rx, a.y * in + ry, -a.x * in + rx, -a.y * in + ry);
+    roads += fmt::format(fmt::runtime(lane), a.name, fmt::format(" from=\"{}\" to=\"J\"", a.name), kArm,
+                         a.x * out + rx, a.y * out + ry, a.x * in + rx, a.y * in + ry);
+    roads +=
+        fmt::format(fmt::runtime(lane), a.to, fmt::format(" from=\"J\" to=\"{}\"", std::string(1, a.to[0])),
+                    kArm, -a.x * in + rx, -a.y * in + ry, -a.x * out + rx, -a.y * out + ry);
     requests += fmt::format(R"(<request index="{}" response="{}" foes="{}" cont="0"/>)", k, bits(yields[k]),
                             bits(foes[k]));
-    links += fmt::format(R"(<connection from="{}" to="{}" fromLane="0" toLane="0" via=":J_{}_0" dir="s" state="{}"{}/>)",
-                         a.name, a.to, k, states[k], signal ? fmt::format(R"( tl="J" linkIndex="{}")", k) : "");
-    inner_links += fmt::format(R"(<connection from=":J_{}" to="{}" fromLane="0" toLane="0" dir="s" state="M"/>)", k,
-                               a.to);
+    links += fmt::format(
+        R"(<connection from="{}" to="{}" fromLane="0" toLane="0" via=":J_{}_0" dir="s" state="{}"{}/>)",
+        a.name, a.to, k, states[k], signal ? fmt::format(R"( tl="J" linkIndex="{}")", k) : "");
+    inner_links += fmt::format(
+        R"(<connection from=":J_{}" to="{}" fromLane="0" toLane="0" dir="s" state="M"/>)", k, a.to);
   }
   std::string ends;
   for (const Arm& a : arms)
-    ends += fmt::format(R"(<junction id="{}" type="dead_end" incLanes="{}_out_0" intLanes=""/>)", a.name, a.name);
+    ends +=
+        fmt::format(R"(<junction id="{}" type="dead_end" incLanes="{}_out_0" intLanes=""/>)", a.name, a.name);
   return LoadNetText(fmt::format(
       R"(<net version="1.9">{}{}{}<junction id="J" type="priority" incLanes="n_0 e_0 s_0 w_0" intLanes=":J_0_0 :J_1_0 :J_2_0 :J_3_0">{}</junction>{}{}</net>)",
       inner, roads, ends, requests, links, inner_links));
 }
 
 /// From east and west first; from north and south yield.
-inline RoadNetwork PriorityCrossing() { return CrossingNet("mMmM", {"13", "", "13", ""}); }
+inline RoadNetwork PriorityCrossing() {
+  return CrossingNet("mMmM", {"13", "", "13", ""});
+}
 /// Each yields to who comes from its right.
-inline RoadNetwork RightBeforeLeftCrossing() { return CrossingNet("====", {"3", "0", "1", "2"}); }
+inline RoadNetwork RightBeforeLeftCrossing() {
+  return CrossingNet("====", {"3", "0", "1", "2"});
+}
 
 }  // namespace lanewise

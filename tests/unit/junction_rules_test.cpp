@@ -45,11 +45,11 @@ struct Crossing {
 };
 
 TEST(TimeToCover, ClosedForms) {
-  EXPECT_DOUBLE_EQ(TimeToCover(8.0, 0.0, 100.0, 1.0), 4.0);            // s = a t^2 / 2
-  EXPECT_DOUBLE_EQ(TimeToCover(30.0, 10.0, 10.0, 1.0), 3.0);           // At its limit.
-  EXPECT_DOUBLE_EQ(TimeToCover(8.0 + 20.0, 0.0, 4.0, 1.0), 4.0 + 5.0); // 8 m of run-up, 20 m at 4 m/s.
-  EXPECT_DOUBLE_EQ(TimeToCoverBraking(6.0, 4.0, 1.0), 2.0);            // 4 * 2 - 2
-  EXPECT_GT(TimeToCoverBraking(8.1, 4.0, 1.0), 1e5);                   // Halts after 8 m.
+  EXPECT_DOUBLE_EQ(TimeToCover(8.0, 0.0, 100.0, 1.0), 4.0);             // s = a t^2 / 2
+  EXPECT_DOUBLE_EQ(TimeToCover(30.0, 10.0, 10.0, 1.0), 3.0);            // At its limit.
+  EXPECT_DOUBLE_EQ(TimeToCover(8.0 + 20.0, 0.0, 4.0, 1.0), 4.0 + 5.0);  // 8 m of run-up, 20 m at 4 m/s.
+  EXPECT_DOUBLE_EQ(TimeToCoverBraking(6.0, 4.0, 1.0), 2.0);             // 4 * 2 - 2
+  EXPECT_GT(TimeToCoverBraking(8.1, 4.0, 1.0), 1e5);                    // Halts after 8 m.
 }
 
 TEST(JunctionMap, PlacesTheConflictWhereThePathsCross) {
@@ -93,9 +93,10 @@ TEST(JunctionRules, WhoHasPriorityIsNotHeldUpAndTheOtherWaits) {
   EXPECT_TRUE(crossing.Passed(minor));
 }
 
-// A car that stands 0.5 m before its line has the farther lane behind it after 0.5 + 9.6 + 2.2 + 5 m of run-up at
-// 2.6 m/s^2: 3.65 s. A gap time later, after 4.65 s, the other one, at 13.89 m/s, may reach the conflict area, which
-// begins 4.2 m behind its line: it must be 60.4 m before the line. 3 m for how paths are sampled.
+// A car that stands 0.5 m before its line has the farther lane behind it after 0.5 + 9.6 + 2.2 + 5 m of
+// run-up at 2.6 m/s^2: 3.65 s. A gap time later, after 4.65 s, the other one, at 13.89 m/s, may reach the
+// conflict area, which begins 4.2 m behind its line: it must be 60.4 m before the line. 3 m for how paths are
+// sampled.
 TEST(JunctionRules, GapAcceptedAndRejectedAsComputedByHand) {
   const double run_up = std::sqrt(2.0 * (0.5 + 9.6 + 2.2 + 5.0) / 2.6);
   const double least = (run_up + 1.0) * 13.89 - 4.2;
@@ -213,7 +214,8 @@ TEST(JunctionRules, AllWayStopGoesByOrderOfArrival) {
   for (int k = 0; k < 400 && order.size() < 3; ++k) {
     crossing.fleet.Step(kStep);
     for (const std::size_t row : {first, second, third}) {
-      if (crossing.Entered(row) && std::find(order.begin(), order.end(), row) == order.end()) order.push_back(row);
+      if (crossing.Entered(row) && std::find(order.begin(), order.end(), row) == order.end())
+        order.push_back(row);
     }
     EXPECT_LT(crossing.Overlap(), 0.0);
   }
