@@ -289,7 +289,6 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
     }
     UpdateStops(row, traffic);
     traffic->driven[row] = traffic->policy[row] != Policy::kSumo && !coupled_[row].handed_back;
-    if (!traffic->driven[row]) ActInEachStep(row, dt);
     emissions_[row] = {SumoVehicle::getCO2Emission(id), SumoVehicle::getNOxEmission(id),
                        SumoVehicle::getPMxEmission(id), SumoVehicle::getFuelConsumption(id),
                        SumoVehicle::getElectricityConsumption(id)};
@@ -621,14 +620,6 @@ void VehicleBridge::SetChecks(std::size_t row, bool on) {
   if (coupled_[row].checks_on == on) return;
   SumoVehicle::setSpeedMode(records_[row].id, on ? kAllChecks : kNoChecks);
   coupled_[row].checks_on = on;
-}
-
-void VehicleBridge::ActInEachStep(std::size_t row, double dt) {
-  Coupled& coupled = coupled_[row];
-  if (rules_ != Rules::kAgent || coupled.acts_each_step) return;
-  coupled.acts_each_step = true;
-  const std::string& id = records_[row].id;
-  if (SumoVehicle::getActionStepLength(id) > dt) SumoVehicle::setActionStepLength(id, dt);
 }
 
 void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands) {

@@ -108,7 +108,6 @@ class VehicleBridge {
     bool route_changed{false};  // Since the last command.
     bool halted_at_lane_end{false};
     LaneIndex no_detour{kNone};  // This lane's way is known not to lead back.
-    bool acts_each_step{false};  // SUMO was told so: it drives this vehicle.
     std::int8_t change_commanded{0};
     double change_shift{0.0};        // [m] see Commands.
     LaneIndex expected_lane{kNone};  // Where the command should lead.
@@ -141,8 +140,6 @@ class VehicleBridge {
   DeadEnd FindDeadEnd(std::size_t row, const Traffic& traffic) const;
   /// Gives the vehicle a route that follows the dead end's lane and comes back, if there is one.
   void TakeDetour(std::size_t row, Traffic* traffic);
-  /// With Rules::kAgent SUMO acts once a second, but for those it drives itself.
-  void ActInEachStep(std::size_t row, double dt);
   /// Lane changes to the best lane for the vehicle's route: > 0 to the left, < 0 to the right.
   int ChangesNeeded(std::size_t row, const Traffic& traffic) const;
   bool NeedsGuard(std::size_t row, const Traffic& traffic) const;

@@ -324,12 +324,6 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   for (const auto& [option, value] : defaults) {
     if (!Has(given, option)) add(option, value);
   }
-  // Where the agents answer for the rules SUMO has nothing to decide for them: it acts once a second, and
-  // still carries them exactly in every step. Vehicles SUMO drives itself are told to act in every step, one
-  // by one.
-  if (config.rules == Rules::kAgent && config.policy != Policy::kSumo &&
-      !Has(given, "default.action-step-length"))
-    add("default.action-step-length", fmt::format("{}", std::max(1.0, config.step_length)));
   add("step-length", fmt::format("{}", config.step_length));
   add("seed", fmt::format("{}", config.seed));
   if (config.end) add("end", fmt::format("{}", *config.end));

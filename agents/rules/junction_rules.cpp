@@ -341,9 +341,9 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   }
   double its_arrival = TimeTo(world, other, foe_begin, 1.0);
   if (impatience > 0.0 && !other.person && !its_bound) {
-    its_arrival = std::max(
-        its_arrival, std::min(2.0 * its_arrival + 1.0,
-                              TimeToCoverBraking(foe_begin - q, its_speed, impatience * kImposedDecel)));
+    // The longer the ego has waited, the more it counts on the other to brake gently.
+    const double braked = TimeToCoverBraking(foe_begin - q, its_speed, impatience * kImposedDecel);
+    its_arrival += impatience * std::max(0.0, std::min(2.0 * its_arrival + 1.0, braked) - its_arrival);
   }
   const bool first = !inside && TimeTo(world, own, clear_at, 1.0) + margin < its_arrival;
   if (first) return false;
