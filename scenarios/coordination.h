@@ -27,7 +27,8 @@ struct CoordinationSwitches {
 CoordinationSwitches ParseCoordination(std::string_view list);
 std::string CoordinationText(const CoordinationSwitches& switches);
 
-/// Have all signals with fixed times, which may adapt, programs that keep the safety times? Asks the started SUMO.
+/// Have all signals with fixed times, which may adapt, programs that keep the safety times? Asks the started
+/// SUMO.
 /// @throws ConfigError naming signal, phase and link.
 void CheckSignals(const RoadNetwork& network, const SignalParams& params, double time);
 
