@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/coordination/signal_plan.h"
 #include "agents/core/check.h"
 
 namespace lanewise {
@@ -52,6 +53,15 @@ std::string CoordinationText(const CoordinationSwitches& switches) {
     if (switches.*s.member) names.emplace_back(s.name);
   }
   return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ","));
+}
+
+void CheckSignals(const RoadNetwork& network, const SignalParams& params, double time) {
+  SignalBridge signals(network);
+  signals.Read(time);
+  for (std::size_t s = 0; s < network.signal_ids.size(); ++s) {
+    if (signals.programs()[s].fixed)
+      CheckSignalProgram(network, params, static_cast<std::int32_t>(s), signals.programs()[s].phases);
+  }
 }
 
 Coordination::Coordination(const RoadNetwork& network, const CoordinationParams& params,

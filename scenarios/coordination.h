@@ -27,6 +27,11 @@ struct CoordinationSwitches {
 CoordinationSwitches ParseCoordination(std::string_view list);
 std::string CoordinationText(const CoordinationSwitches& switches);
 
+/// Have all signals with fixed times, which may adapt, programs that keep the safety times? Asks the started
+/// SUMO.
+/// @throws ConfigError naming signal, phase and link.
+void CheckSignals(const RoadNetwork& network, const SignalParams& params, double time);
+
 /// The roadside of a run: units at the signals, speed advice, adapting signals and the dispatcher, between
 /// the bridges to SUMO and the agents.
 class Coordination {

@@ -109,6 +109,8 @@ RunReport Run(const RunConfig& config) {
   const std::vector<LaneCurve> curves = FitLaneCurves(network, fit);
   const std::vector<std::string> sumo_options = SumoCommandLine(effective);
   SumoSession session(sumo_options);
+  if (effective.coordinate.signals && effective.v2x != V2xLevel::kOff)
+    CheckSignals(network, effective.coordination.signals, session.time());
   const TestFault fault(effective.seed);
   std::unique_ptr<RunWriter> writer;
   if (effective.results) {

@@ -146,7 +146,8 @@ bool Dispatcher::IsReached(const Roadside& roadside, const Channel& channel, std
 }
 
 bool Dispatcher::FollowsAdvice(const Traffic& traffic, std::size_t row) const {
-  return RandomStream(seed_, traffic.id_hash[row], RandomPurpose::kPenetration, 1).Uniform(0) < params_.share;
+  return RandomStream(seed_, traffic.id_hash[row], RandomPurpose::kDispatchShare, 0).Uniform(0) <
+         params_.share;
 }
 
 void Dispatcher::AdviseRoutes(double time, const Traffic& traffic, const Roadside& roadside,

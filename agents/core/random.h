@@ -19,7 +19,8 @@ enum class RandomPurpose : std::uint64_t {
   kPenetration = 32,
   kRadioShare = 33,
   kRadioDelivery = 34,
-  kRadioPosition = 35
+  kRadioPosition = 35,
+  kDispatchShare = 36
 };
 
 /// SplitMix64's finaliser (Steele, Lea, Flood 2014): 64 well-mixed bits of a counter.
