@@ -17,7 +17,7 @@ class Verify : public StudyFiles {
   /// A scenario of its own, so that its files may be changed.
   void SetUp() override {
     for (const char* name : {"priority_crossing.net.xml", "priority_crossing.rou.xml"})
-      fs::copy_file(fs::path(LANEWISE_NETWORKS_FOLDER) / "priority_crossing" / name, folder_ / name);
+      fs::copy_file(fs::path(kNetworksFolder) / "priority_crossing" / name, folder_ / name);
     config_ =
         folder_.Write("own.sumocfg",
                       "<configuration>\n<input>\n<net-file value=\"priority_crossing.net.xml\"/>\n"

@@ -35,7 +35,7 @@ struct LaneNet {
     lane.internal = internal;
     lane.edge = static_cast<EdgeIndex>(network.edges.size());
     const auto index = static_cast<LaneIndex>(network.lanes.size());
-    network.edges.push_back({.first_lane = index, .lane_count = 1});
+    network.edges.push_back({.id = {}, .first_lane = index, .lane_count = 1});
     network.lanes.push_back(lane);
     return index;
   }
