@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <tuple>
@@ -31,8 +32,6 @@ constexpr MetricInfo kMetrics[] = {
      "below 0.1 m/s; mean over arrived vehicles"},
     {"depart_delay_s", "departure delay [s]", Better::kLower, false, "mean over all that entered"},
     {"mean_speed_mps", "mean speed [m/s]", Better::kHigher, false, "distance by time, all vehicles"},
-    {"speed_variance_m2ps2", "speed variance [m^2/s^2]", Better::kLower, false,
-     "of each vehicle's speed over its trip; mean over driving time"},
     {"arrived", "arrived", Better::kHigher, true, "vehicles that reached their destination"},
     {"stops_per_km", "stops [1/km]", Better::kLower, true, "times a vehicle came below 0.1 m/s"},
     {"contacts_per_1000km", "contacts, mid-block [1/1000 km]", Better::kLower, true,
@@ -73,6 +72,8 @@ constexpr MetricInfo kMetrics[] = {
     {"reroutes", "reroutes", Better::kNeither, false, "routes taken around crowded edges"},
     {"holds", "holds", Better::kNeither, false, "departures held back"},
     {"teleported", "teleports", Better::kLower, false, "vehicles SUMO lifted out of a jam"},
+    {"speed_variance_m2ps2", "speed variance [m^2/s^2]", Better::kLower, false,
+     "of each vehicle's speed over its trip; mean over driving time"},
     {"stops_per_h", "stops [1/h]", Better::kLower, false, "per hour driven by all vehicles together"},
     {"contacts_per_1000h", "contacts, mid-block [1/1000 h]", Better::kLower, false, "likewise"},
     {"junction_contacts_per_1000h", "contacts, junctions [1/1000 h]", Better::kLower, false, "likewise"},
@@ -86,6 +87,18 @@ constexpr MetricInfo kMetrics[] = {
     {"fuel_g_per_h", "fuel [g/h]", Better::kLower, false, "likewise"},
     {"electricity_wh_per_h", "electricity [Wh/h]", Better::kLower, false, "likewise"},
 };
+
+/// Is this no more than the unit at the end of a metric's name, such as "g_per_km"?
+bool IsUnit(const std::string& text) {
+  static const std::set<std::string> kWords = {"s",   "mps", "mps2", "mps3", "m2ps2", "hz",     "g",
+                                               "wh",  "per", "h",    "km",   "100km", "1000km", "1000h"};
+  std::istringstream words(text);
+  std::string word;
+  while (std::getline(words, word, '_')) {
+    if (!kWords.contains(word)) return false;
+  }
+  return true;
+}
 
 /// Options that name files or say what is written: the files' content is hashed, outputs change no traffic.
 bool ChangesNoTraffic(const std::string& option) {
@@ -252,16 +265,19 @@ std::span<const MetricInfo> AllMetrics() {
 
 std::size_t FindMetric(const std::string& name, const std::string& origin) {
   std::vector<std::string> names;
-  std::vector<std::size_t> meant;
+  std::optional<std::size_t> meant;
   const std::string stem = name.starts_with("mean_") ? name.substr(5) : name;
   for (std::size_t i = 0; i < std::size(kMetrics); ++i) {
     const std::string metric = kMetrics[i].name;
     if (name == metric) return i;
-    if (stem == metric || metric.starts_with(stem + "_") || metric.starts_with(name + "_"))
-      meant.push_back(i);
+    const auto names_it = [&](const std::string& short_name) {
+      return metric == short_name ||
+             (metric.starts_with(short_name + "_") && IsUnit(metric.substr(short_name.size() + 1)));
+    };
+    if (!meant && (names_it(stem) || names_it(name))) meant = i;
     names.push_back(metric);
   }
-  if (meant.size() == 1) return meant[0];
+  if (meant) return *meant;
   throw ConfigError(
       fmt::format("{}: unknown metric '{}'; allowed: all, {}", origin, name, fmt::join(names, ", ")));
 }

@@ -265,10 +265,18 @@ bool VehicleBridge::ReadVehicle(std::size_t row, double dt, Traffic* traffic) {
     const LaneIndex lane =
         expected != kNone && network_.lanes[expected].id == lane_id ? expected : network_.FindLane(lane_id);
     const double speed = SumoVehicle::getSpeed(id);
-    if (lane == kNone) {  // Teleporting, or on no road of ours.
+    if (lane == kNone) {  // Parked beside the road, teleporting, or on no road of ours.
       now.lane[row] = kNone;
       now.speed[row] = std::max(0.0, speed);
-      if (traffic->policy[row] != Policy::kSumo) audit_.Count(AuditCause::kTeleport, 0.0, 0.0);
+      const bool parked = (SumoVehicle::getStopState(id) & kIsParking) != 0;
+      traffic->hazard[row] = parked;
+      if (parked) {
+        const libsumo::TraCIPosition position = SumoVehicle::getPosition(id);
+        now.x[row] = position.x;
+        now.y[row] = position.y;
+      } else if (traffic->policy[row] != Policy::kSumo) {
+        audit_.Count(AuditCause::kTeleport, 0.0, 0.0);
+      }
       traffic->driven[row] = 0;
       coupled_[row].commanded = false;
       return true;
@@ -452,12 +460,13 @@ void VehicleBridge::TakeDetour(std::size_t row, Traffic* traffic) {
     coupled.no_detour = dead_end.lane;  // It waits for a gap.
     return;
   }
-  std::vector<std::string> edges;
-  for (std::size_t k = static_cast<std::size_t>(traffic->route_position[row]); k < dead_end.position; ++k)
-    edges.push_back(network_.edges[route[k]].id);
-  for (const EdgeIndex edge : detour->route) edges.push_back(network_.edges[edge].id);
-  SumoVehicle::setRoute(records_[row].id, edges);
-  Replan(row, traffic);
+  std::vector<EdgeIndex> edges(route.begin() + traffic->route_position[row],
+                               route.begin() + static_cast<std::ptrdiff_t>(dead_end.position));
+  edges.insert(edges.end(), detour->route.begin(), detour->route.end());
+  if (!SetRoute(row, edges, traffic)) {
+    coupled.no_detour = dead_end.lane;
+    return;
+  }
   ++detours_;
   detour_length_ += detour->extra_length;
 }
@@ -509,7 +518,7 @@ void VehicleBridge::UpdateStops(std::size_t row, Traffic* traffic) {
   const bool native = !coupled.commanded;
   if (native) {
     const int state = SumoVehicle::getStopState(id);
-    const bool stopped = (state & 1) != 0, parking = stopped && (state & 2) != 0;
+    const bool stopped = (state & 1) != 0, parking = stopped && (state & kIsParking) != 0;
     traffic->hazard[row] = stopped;
     if (parking) traffic->now.lane[row] = kNone;  // Beside the road.
     if (!stopped) {

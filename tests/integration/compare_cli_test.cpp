@@ -138,10 +138,12 @@ TEST_F(CompareCli, WaitsForALockedFileAndSaysSo) {
   SQLite::Database other(path_.string(), SQLite::OPEN_READWRITE);
   other.exec("BEGIN EXCLUSIVE");
   ChildProcess child({"compare", path_.string()});
-  std::this_thread::sleep_for(std::chrono::seconds(3));
+  const std::string waiting = "another process has it locked; waiting";
+  while (child.Running() && child.Errors().find(waiting) == std::string::npos)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
   other.exec("ROLLBACK");
   EXPECT_EQ(child.Wait(), 0) << child.Errors();
-  EXPECT_CONTAINS(child.Errors(), "another process has it locked; waiting");
+  EXPECT_CONTAINS(child.Errors(), waiting);
   EXPECT_CONTAINS(child.Errors(), path_.string());
 }
 

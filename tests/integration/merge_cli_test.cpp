@@ -137,7 +137,7 @@ TEST_F(Merge, AKilledOneLeavesNoOutputOrAWholeOne) {
   ChildProcess undisturbed(Words({a, b}, calm));
   ASSERT_EQ(undisturbed.Wait(), 0);
   bool finished = false;
-  for (int milliseconds = 2; !finished; milliseconds += 2) {
+  for (int milliseconds = 2; !finished; milliseconds += 1 + milliseconds / 5) {
     ChildProcess merge(Words({a, b}, all));
     std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
     finished = !merge.Running();
