@@ -90,8 +90,8 @@ constexpr MetricInfo kMetrics[] = {
 
 /// Is this no more than the unit at the end of a metric's name, such as "g_per_km"?
 bool IsUnit(const std::string& text) {
-  static const std::set<std::string> kWords = {"s",   "mps", "mps2", "mps3", "m2ps2", "hz",     "g",
-                                               "wh",  "per", "h",    "km",   "100km", "1000km", "1000h"};
+  static const std::set<std::string> kWords = {"s",  "mps", "mps2", "mps3", "m2ps2", "hz",     "g",
+                                               "wh", "per", "h",    "km",   "100km", "1000km", "1000h"};
   std::istringstream words(text);
   std::string word;
   while (std::getline(words, word, '_')) {

@@ -24,7 +24,8 @@ struct MetricInfo {
 
 /// All metrics, in the order they are shown.
 std::span<const MetricInfo> AllMetrics();
-/// Index of a metric; its unit may be left out, and "mean_" be written before it, the first such metric is meant.
+/// Index of a metric; its unit may be left out, and "mean_" be written before it, the first such metric is
+/// meant.
 /// @throws ConfigError naming `origin` and the metrics there are.
 std::size_t FindMetric(const std::string& name, const std::string& origin);
 
@@ -38,9 +39,9 @@ struct RunRecord {
   std::filesystem::path file{};
   std::int64_t run_id{0};
   std::string scenario{};
-  std::string policy{};        ///< As asked for.
-  std::string label{};         ///< What it is compared as: see LabelRuns.
-  double penetration{1.0};     ///< As asked for.
+  std::string policy{};              ///< As asked for.
+  std::string label{};               ///< What it is compared as: see LabelRuns.
+  double penetration{1.0};           ///< As asked for.
   std::string coordination{"none"};  ///< As asked for.
   std::string rules{};
   std::string v2x{};  ///< How much of a radio channel there was.

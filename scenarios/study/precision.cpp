@@ -56,7 +56,8 @@ Precision JudgePrecision(const Comparison& comparison, const PrecisionGoal& goal
       if (half_width > allowed) {
         precision.reached = false;
         const double more = static_cast<double>(pairs) * std::min(1.0, ratio * ratio - 1.0);
-        precision.more_seeds = std::max(precision.more_seeds, static_cast<std::int64_t>(std::ceil(more - 1e-9)));
+        precision.more_seeds =
+            std::max(precision.more_seeds, static_cast<std::int64_t>(std::ceil(more - 1e-9)));
       }
       if (ratio <= worst) continue;
       worst = ratio;
