@@ -41,7 +41,7 @@ struct LaneChangeParams {
   double cooperation_decel{2.0};
   double queue_weight{0.02};
   double patience{10.0};
-  double max_detour{300.0};
+  double max_detour{0.0};
 };
 
 struct ControlParams {
@@ -222,7 +222,8 @@ struct AgentParams {
           "it drives on where its lane leads, and back to its route",
           "own choice");
     field("lane_change.max_detour", p.lane_change.max_detour, "s", Range{0, 3600},
-          "unless that takes so much longer at the speed limits; vehicles with planned stops ahead never do",
+          "unless that takes so much longer at the speed limits; 0: never. Vehicles with planned stops ahead "
+          "never do",
           "own choice");
     field("control.speed_kp", p.control.speed_kp, "1/s", Range{0.1, 10}, "PID speed: proportional",
           "[C] PID");

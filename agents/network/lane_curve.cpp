@@ -11,7 +11,6 @@
 #include <span>
 
 #include "agents/core/check.h"
-#include "agents/sensing/spatial_grid.h"
 
 namespace lanewise {
 namespace {
@@ -192,112 +191,6 @@ void RoundSoleTurns(const RoadNetwork& network, std::vector<Polyline>* polylines
   }
 }
 
-// ── Carriageways
-// ────────────────────────────────────────────────────────────────────────────────────────────────────
-
-/// Moves carriageways to their own side of the road where the opposing one was digitised nearer than the
-/// lanes are wide, as drivers keep to theirs: else who waits in the one would stand in the way of the other.
-/// All lanes of an edge move together, so that those beside each other keep their room.
-class CarriagewayDivider {
- public:
-  CarriagewayDivider(const RoadNetwork& network, const std::vector<Polyline>& polylines)
-      : network_(network), polylines_(polylines), side_(network.left_hand ? 1.0 : -1.0) {
-    for (const Lane& lane : network.lanes) {
-      const auto i = static_cast<LaneIndex>(&lane - network.lanes.data());
-      if (!IsCarriageway(lane) || polylines[i].vertices().size() < 2) continue;
-      for (const double station : Stations(polylines[i])) {
-        samples_.push_back({i, polylines[i].HeadingAt(station)});
-        x_.push_back(polylines[i].At(station).x);
-        y_.push_back(polylines[i].At(station).y);
-      }
-    }
-    grid_.Build(x_, y_);
-  }
-
-  /// The lane's line, moved aside where the lane next to the middle of the road has to be.
-  Polyline Divided(LaneIndex i) const {
-    const Lane& lane = network_.lanes[i];
-    const Polyline& line = polylines_[i];
-    if (!IsCarriageway(lane) || line.vertices().size() < 2) return line;
-    const Edge& edge = network_.edges[lane.edge];
-    const LaneIndex innermost = edge.first_lane + edge.lane_count - 1;
-    const Polyline& middle = polylines_[innermost];
-    if (middle.vertices().size() < 2) return line;
-    const std::vector<double> stations = Stations(line);
-    std::vector<double> shifts;
-    for (const double station : stations) {
-      const double abeam = station * middle.length() / line.length();
-      shifts.push_back(Shift(innermost, middle.At(abeam), middle.HeadingAt(abeam)));
-    }
-    if (*std::max_element(shifts.begin(), shifts.end()) < kNoticeable) return line;
-    const auto moved = [&](double station) {
-      const auto above =
-          std::upper_bound(stations.begin() + 1, stations.end() - 1, station) - stations.begin();
-      const double u = (station - stations[above - 1]) / (stations[above] - stations[above - 1]);
-      const double shift = (1.0 - u) * shifts[above - 1] + u * shifts[above];
-      const Point2 along = Direction(line.HeadingAt(station));
-      return line.At(station) + side_ * shift * Point2{-along.y, along.x};
-    };
-    Polyline divided({});
-    for (const double station : stations) divided.Append(moved(station));
-    return divided;
-  }
-
- private:
-  struct Sample {
-    LaneIndex lane;
-    double heading;
-  };
-
-  static constexpr double kSpacing = 5.0;     // [m] between the points of a line that are compared.
-  static constexpr double kOpposing = -0.9;   // Cosine of the angle between opposing carriageways.
-  static constexpr double kNoticeable = 0.1;  // [m] less is no overlap.
-  static constexpr double kMaxShift = 0.7;    // [m] a car stays within its lane of 3.2 m.
-
-  bool IsCarriageway(const Lane& lane) const {
-    const VehicleClassMask road =
-        VehicleClassBit("passenger") | VehicleClassBit("bus") | VehicleClassBit("truck");
-    return !lane.internal && (lane.allowed & road) != 0;
-  }
-
-  static std::vector<double> Stations(const Polyline& line) {
-    const int pieces = std::max(1, static_cast<int>(std::ceil(line.length() / kSpacing)));
-    std::vector<double> stations;
-    for (int k = 0; k <= pieces; ++k) stations.push_back(line.length() * k / pieces);
-    return stations;
-  }
-
-  /// [m] half of what the room between lane `i`, the innermost of its edge, and the nearest opposing one
-  /// lacks, as far as there is room beside the edge.
-  double Shift(LaneIndex i, Point2 point, double heading) const {
-    const Lane& lane = network_.lanes[i];
-    const double others = (network_.edges[lane.edge].lane_count - 1) * lane.width;  // [m] of lanes beside it.
-    const Point2 along = Direction(heading);
-    double lack = 0.0, spare = kMaxShift;
-    grid_.ForEachNear(point.x, point.y, kSpacing + lane.width + others, [&](std::uint32_t k) {
-      const Sample& other = samples_[k];
-      if (other.lane == i || Dot(along, Direction(other.heading)) > kOpposing) return;
-      const Point2 offset = Point2{x_[k], y_[k]} - point;
-      if (std::abs(Dot(along, offset)) > 0.5 * kSpacing + 0.1) return;
-      const double aside = -side_ * Cross(along, offset);  // Towards the middle of the road.
-      const double room = 0.5 * (lane.width + network_.lanes[other.lane].width);
-      if (aside > -0.5) {
-        lack = std::max(lack, room - aside);
-      } else {  // It comes along on the outer side.
-        spare = std::min(spare, std::max(0.0, -aside - room - others));
-      }
-    });
-    return std::min(0.5 * lack, spare);
-  }
-
-  const RoadNetwork& network_;
-  const std::vector<Polyline>& polylines_;
-  double side_;  // Of the own side of the road: +1 left.
-  std::vector<Sample> samples_;
-  std::vector<double> x_, y_;
-  SpatialGrid grid_{10.0};
-};
-
 // ── Joints
 // ──────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -315,11 +208,6 @@ class JointTable {
       : network_(network), parent_(2 * network.lanes.size()), joints_(parent_.size()) {
     for (const Lane& lane : network.lanes) polylines_.emplace_back(lane.shape);
     RoundSoleTurns(network, &polylines_);
-    const CarriagewayDivider divider(network, polylines_);
-    std::vector<Polyline> divided;
-    for (std::size_t i = 0; i < polylines_.size(); ++i)
-      divided.push_back(divider.Divided(static_cast<LaneIndex>(i)));
-    polylines_ = std::move(divided);
     std::iota(parent_.begin(), parent_.end(), 0);
     for (const Connection& connection : network.connections) {
       const LaneIndex successor = connection.via != kNone ? connection.via : connection.to;

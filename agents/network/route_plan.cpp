@@ -120,16 +120,14 @@ LaneAdvice Advise(const RoadNetwork& network, const Lane& lane, const NextEdge& 
   return advice;
 }
 
-/// Can the changes of a lane wait until behind the junction? Who queues on all lanes there instead of the
-/// best one gets by in half the time. Behind a link that has to yield the traffic has gaps to change into;
-/// behind another one they must be found.
+/// Can the changes of a lane wait? Behind a link that has to yield the traffic has gaps to change into, and
+/// who queues there on all lanes instead of the best one gets by in half the time.
 bool CanWait(const RoadNetwork& network, const LaneAdvice& advice, const NextEdge& next) {
-  constexpr double kRoomBehindYielding = 20.0, kRoomBehind = 200.0;  // [m] behind the link, per change.
+  constexpr double kRoomBehind = 20.0;  // [m] behind the link.
   if (advice.connection == kNone || advice.changes == 0) return false;
   const LaneAdvice& there = next.advice[network.lanes[advice.next].index];
-  if (there.can_wait || there.changes == 0) return there.can_wait;
   const bool yields = MustYield(network.connections[advice.connection]);
-  return there.change_distance > (yields ? kRoomBehindYielding : std::abs(there.changes) * kRoomBehind);
+  return there.can_wait || (yields && there.changes != 0 && there.change_distance > kRoomBehind);
 }
 
 /// Edges as short as the pieces of a roundabout between two of its entries leave no time to change lanes.

@@ -469,7 +469,7 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
   if (!way.leads_on) {
     // Who gets no gap does not stand in the way of those behind for long.
     tactics.leaves_route =
-        tactics.lane_change == 0 && ego.speed < kLastChanceSpeed &&
+        params.lane_change.max_detour > 0.0 && tactics.lane_change == 0 && ego.speed < kLastChanceSpeed &&
         (way.length < kLastChance || traffic.now.refused[row] > params.lane_change.patience);
     tactics.speed_cap =
         std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));

@@ -299,6 +299,7 @@ TEST(Coupling, WhoMissesItsLaneMakesADetour) {
     <vehicle id="v" type="agent" depart="0" departLane="0" departPos="122">
       <route edges="A3_B3 B3_B4 B4_B5"/></vehicle></routes>)");
   RunConfig config = OwnDemand("town", routes, Policy::kSumo, 400.0);
+  config.params.lane_change.max_detour = 300.0;
   const RunReport report = RunResolved(config);
   EXPECT_EQ(report.outcome.arrived, 2);
   EXPECT_EQ(report.detours, 1);

@@ -33,17 +33,8 @@ struct LaneNet {
     lane.length = length >= 0.0 ? length : ShapeLength(shape);
     lane.shape = std::move(shape);
     lane.internal = internal;
-    lane.edge = static_cast<EdgeIndex>(network.edges.size());
-    const auto index = static_cast<LaneIndex>(network.lanes.size());
-    network.edges.push_back({.id = {}, .first_lane = index, .lane_count = 1});
     network.lanes.push_back(lane);
-    return index;
-  }
-
-  /// Makes lanes added one after the other, from right to left, those of one edge.
-  void OneEdge(LaneIndex rightmost, int count) {
-    network.edges[network.lanes[rightmost].edge].lane_count = count;
-    for (int k = 1; k < count; ++k) network.lanes[rightmost + k].edge = network.lanes[rightmost].edge;
+    return static_cast<LaneIndex>(network.lanes.size()) - 1;
   }
 
   void Connect(LaneIndex from, LaneIndex to, LaneIndex via = kNone) {
@@ -246,49 +237,6 @@ TEST(LaneCurve, ASoleTurnIsRoundedToWhatVehiclesCanFollow) {
   net.Connect(in, other);
   const auto shared = net.Fit();
   EXPECT_NEAR(shared[in].At(50.0).y, 0.0, 1e-6);
-}
-
-// A lane of 3.2 m and one that comes towards it 1.6 m beside it: each keeps to its right, by half of what
-// lacks but at most 0.7 m. Where they are far enough apart nothing moves.
-TEST(LaneCurve, OpposingCarriagewaysDigitisedTooNearAreParted) {
-  LaneNet net;
-  const LaneIndex east = net.Add({{0.0, 0.0}, {200.0, 0.0}});
-  const LaneIndex west = net.Add({{200.0, 3.2}, {100.0, 1.6}, {0.0, 1.6}});
-  const auto curves = net.Fit();
-  EXPECT_NEAR(curves[east].At(50.0).y, -0.7, 0.05);
-  EXPECT_NEAR(curves[west].At(150.0).y, 1.6 + 0.7, 0.05);
-  EXPECT_NEAR(curves[east].At(195.0).y, 0.0, 0.1);
-  net.network.left_hand = true;  // There the other is on the far side: nothing is in the way.
-  const auto left = net.Fit();
-  EXPECT_NEAR(left[east].At(50.0).y, 0.0, 1e-6);
-}
-
-// All lanes of a carriageway move together: they keep their distance.
-TEST(LaneCurve, ACarriagewayIsPartedAsAWhole) {
-  LaneNet net;
-  const LaneIndex right = net.Add({{0.0, -3.2}, {200.0, -3.2}});
-  const LaneIndex left = net.Add({{0.0, 0.0}, {200.0, 0.0}});
-  net.OneEdge(right, 2);
-  net.Add({{200.0, 1.6}, {0.0, 1.6}});
-  const auto curves = net.Fit();
-  EXPECT_NEAR(curves[left].At(100.0).y, -0.7, 0.05);
-  EXPECT_NEAR(curves[right].At(100.0).y, -3.2 - 0.7, 0.05);
-}
-
-// On its other side comes another one, 3.4 m away: 0.2 m are to spare.
-TEST(LaneCurve, NoCarriagewayIsPartedIntoAnother) {
-  LaneNet net;
-  const LaneIndex lane = net.Add({{0.0, 0.0}, {200.0, 0.0}});
-  net.Add({{200.0, 1.6}, {0.0, 1.6}});
-  net.Add({{200.0, -3.4}, {0.0, -3.4}});
-  EXPECT_NEAR(net.Fit()[lane].At(100.0).y, -0.2, 0.02);
-}
-
-TEST(LaneCurve, LanesInOneDirectionStayWhereTheyAre) {
-  LaneNet net;
-  const LaneIndex lane = net.Add({{0.0, 0.0}, {200.0, 0.0}});
-  net.Add({{0.0, 1.6}, {200.0, 1.6}});
-  EXPECT_NEAR(net.Fit()[lane].At(50.0).y, 0.0, 1e-6);
 }
 
 // The lane's last 2.5 m bend to the right by 0.35 rad, the way on bends back: the arc is not continued past

@@ -165,21 +165,6 @@ TEST(RoutePlan, ChangesCanWaitUntilBehindAYieldLine) {
   EXPECT_DOUBLE_EQ(short_ring.At(0, 1).change_distance, 100.0);
 }
 
-// Of two lanes that cross a junction only the right one leads on at the next: with 250 m until there, both
-// are used at the first; with 150 m the change must be done before it.
-TEST(RoutePlan, ChangesCanWaitWhereThereIsRoomBehindTheJunction) {
-  const auto plan_for = [](double length) {
-    NetBuilder net;
-    net.AddEdge("a", 2, 100.0).AddEdge("b", 2, length).AddEdge("c", 1, 80.0);
-    net.Connect("a_0", "b_0").Connect("a_1", "b_1").Connect("b_0", "c_0");
-    return RoutePlan(net.network, {0, 1, 2}, kCar);
-  };
-  EXPECT_TRUE(plan_for(250.0).At(0, 1).can_wait);
-  EXPECT_FALSE(plan_for(250.0).At(0, 0).can_wait);  // It needs no change.
-  EXPECT_FALSE(plan_for(250.0).At(1, 1).can_wait);
-  EXPECT_FALSE(plan_for(150.0).At(0, 1).can_wait);
-}
-
 TEST(RoutePlan, EmptyRoute) {
   EXPECT_TRUE(RoutePlan(RoadNetwork{}, {}, kCar).route().empty());
 }

@@ -77,13 +77,16 @@ TEST_F(TacticsTest, ARefusedNeededChangeLimitsTheSpeed) {
 TEST_F(TacticsTest, WhoWouldHaltAtItsLanesEndLeavesItsRoute) {
   scene_.Add({"a", "b"}, 0, 392.0, 0.8);
   scene_.Add({"a", "b"}, 1, 393.0, 0.8);
-  EXPECT_TRUE(scene_.Decide(0).leaves_route);
+  AgentParams params;
+  params.lane_change.max_detour = 300.0;
+  EXPECT_TRUE(scene_.Decide(0, params).leaves_route);
+  EXPECT_FALSE(scene_.Decide(0).leaves_route);  // Unless it may.
   scene_.traffic().now.speed[0] = 2.0;
-  EXPECT_FALSE(scene_.Decide(0).leaves_route);
+  EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
   scene_.traffic().now.speed[0] = 0.8;
   scene_.traffic().now.s[1] = 370.0;
-  EXPECT_EQ(scene_.Decide(0).lane_change, 1);
-  EXPECT_FALSE(scene_.Decide(0).leaves_route);
+  EXPECT_EQ(scene_.Decide(0, params).lane_change, 1);
+  EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
 }
 
 // Where it stops for a gap, further back, its patience ends only while the lane beside it moves.
@@ -92,6 +95,7 @@ TEST_F(TacticsTest, PatienceEndsWhileOthersPass) {
   scene_.Add({"a", "b"}, 1, 384.0, 5.0);
   AgentParams params;
   params.lane_change.patience = 10.0;
+  params.lane_change.max_detour = 300.0;
   EXPECT_TRUE(scene_.Decide(0, params).refused);
   EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
   scene_.traffic().now.refused[0] = 11.0f;
