@@ -87,7 +87,7 @@ inline RoadNetwork MergeNet() {
 <edge id="w" from="w" to="J"><lane id="w_0" index="0" speed="5" length="{3}" shape="-{4},0 -{0},0"/></edge>
 <edge id="out" from="J" to="e"><lane id="out_0" index="0" speed="13.89" length="{3}" shape="0,0 {3},0"/></edge>
 <junction id="J" type="priority" incLanes="s_0 w_0" intLanes=":J_0_0 :J_1_0"><request index="0" response="10" foes="10" cont="0"/><request index="1" response="00" foes="01" cont="0"/></junction>
-<junction id="e" type="dead_end" incLanes="out_0" intLanes=""/>
+<junction id="e" type="dead_end" incLanes="out_0" intLanes=""/><junction id="s" type="dead_end" incLanes="" intLanes=""/><junction id="w" type="dead_end" incLanes="" intLanes=""/>
 <connection from="s" to="out" fromLane="0" toLane="0" via=":J_0_0" dir="s" state="m"/>
 <connection from="w" to="out" fromLane="0" toLane="0" via=":J_1_0" dir="s" state="M"/>
 <connection from=":J_0" to="out" fromLane="0" toLane="0" dir="s" state="M"/>

@@ -119,17 +119,16 @@ TEST(JunctionRules, ABlockedFoeDoesNotBlock) {
   EXPECT_TRUE(crossing.Entered(west));
 }
 
-// The farther the slow one is ahead when the fast one comes, the more room seems to be behind it: none of the
-// places is one at which the fast one, having counted on that room, no longer can stop or fall back.
+// When it comes, there seems to be room behind the slow one; when both are at the junction, there is less.
 TEST(JunctionRules, WhoMergesBehindASlowOneComesDownToItsSpeedInTime) {
-  for (double slow_at = 2.0; slow_at < 40.0; slow_at += 2.0) {
+  for (double slow_at = 12.0; slow_at <= 16.0; slow_at += 1.0) {
     Crossing merge(MergeNet());
     const std::size_t slow = merge.fleet.Add({"w", "out"}, 0, kArm - slow_at, 5.0);
     const std::size_t fast = merge.fleet.Add({"s", "out"}, 0, kArm - 45.0, 12.0);
     for (int k = 0; k < 200; ++k) {
       merge.fleet.Step(kStep);
       ASSERT_LT(merge.Overlap(), 0.0) << slow_at << " m, step " << k;
-      EXPECT_GT(merge.fleet.traffic.now.accel[fast], -5.0) << slow_at << " m, step " << k;
+      ASSERT_GT(merge.fleet.traffic.now.accel[fast], -4.6) << slow_at << " m, step " << k;
     }
     EXPECT_TRUE(merge.Passed(slow) && merge.Passed(fast)) << slow_at;
   }
