@@ -495,14 +495,15 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
     for (const Approach& other : On(area.foe)) {
       if (other.row == ego) continue;
       if (area.merges) {
-        // Who is ahead of the ego on the way to the common lane, and will not stop, is followed.
+        // Who is ahead of the ego on the way to the common lane, and will not stop, is followed, as far as
+        // the ego does not halt before the area.
         const double ahead = (link.length - p) - (map_.links()[other.link].length - other.position());
         const double its_length = traffic.params[other.row].length;
         if (other.stops_at > area.foe_begin && ahead > 0.0 && other.position() - its_length < area.foe_end) {
-          const double gap = std::max(ahead - its_length - vehicle.min_gap, area.begin - p - kWaitMargin);
-          const double its_speed = ahead > its_length ? traffic.now.speed[other.row] : 0.0;
-          answer->speed_cap =
-              std::min(answer->speed_cap, SafeSpeed(gap, its_speed, comfort, kApproachResponse));
+          const double behind = SafeSpeed(ahead - its_length - vehicle.min_gap, traffic.now.speed[other.row],
+                                          comfort, kApproachResponse);
+          const double before = SafeSpeed(area.begin - p - kWaitMargin, 0.0, comfort, kApproachResponse);
+          answer->speed_cap = std::min(answer->speed_cap, std::max(behind, before));
           if (ahead > its_length) continue;
         }
       }

@@ -328,8 +328,10 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       // SUMO decides who goes first; but what stands is in the way, outside the junction and in it.
       if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands) return;
       const bool creeping = world.traffic->now.speed[ego] < kWalkingSpeed;
-      if (person) {  // Persons who stand at a crossing wait for us to go.
-        if (!crossing_traffic && stands && creeping) obstacle.forgiven = kWholly;
+      if (person) {
+        // Whoever still stands there after a while waits for us to go.
+        if (!crossing_traffic && stands && creeping && world.traffic->now.waited[ego] > kPatience)
+          obstacle.forgiven = kWholly;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
         // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who

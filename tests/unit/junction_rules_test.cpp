@@ -119,6 +119,21 @@ TEST(JunctionRules, ABlockedFoeDoesNotBlock) {
   EXPECT_TRUE(crossing.Entered(west));
 }
 
+// When it comes, there seems to be room behind the slow one; when both are at the junction, there is less.
+TEST(JunctionRules, WhoMergesBehindASlowOneComesDownToItsSpeedInTime) {
+  for (double slow_at = 12.0; slow_at <= 16.0; slow_at += 1.0) {
+    Crossing merge(MergeNet());
+    const std::size_t slow = merge.fleet.Add({"w", "out"}, 0, kArm - slow_at, 5.0);
+    const std::size_t fast = merge.fleet.Add({"s", "out"}, 0, kArm - 45.0, 12.0);
+    for (int k = 0; k < 200; ++k) {
+      merge.fleet.Step(kStep);
+      ASSERT_LT(merge.Overlap(), 0.0) << slow_at << " m, step " << k;
+      ASSERT_GT(merge.fleet.traffic.now.accel[fast], -4.6) << slow_at << " m, step " << k;
+    }
+    EXPECT_TRUE(merge.Passed(slow) && merge.Passed(fast)) << slow_at;
+  }
+}
+
 TEST(JunctionRules, RightBeforeLeft) {
   Crossing crossing(RightBeforeLeftCrossing());
   const std::size_t from_west = crossing.From("w", 30.0, 8.0), from_south = crossing.From("s", 30.0, 8.0);
