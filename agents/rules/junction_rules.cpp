@@ -24,6 +24,8 @@ constexpr double kResponse = 0.3, kApproachResponse = 0.5;
 constexpr double kCheckTime = 1.0, kCheckDistance = 8.0, kListTime = 9.0, kListDistance = 50.0;
 /// [m] half a car's width, for which conflict areas are drawn.
 constexpr double kHalfWidth = 0.9;
+/// [m] for which a vehicle that has left a link still counts on it: the map's conflicts reach as far.
+constexpr double kBehindLink = 8.0;
 /// [m/s^2] braking before a bend, and braking one may count on when one's patience is at its end.
 constexpr double kBendDecel = 3.0, kImposedDecel = 2.0;
 /// [s] after which a vehicle in front of whom one crosses must have left.
@@ -139,7 +141,8 @@ void JunctionRules::ListLinks(const World& world, AgentIndex row) {
       lane = onward.via != kNone ? onward.via : onward.to;
     }
     ++position;
-  } else if (plan != nullptr && s < vehicle.length && position > 0 && position <= plan->route().size()) {
+  } else if (plan != nullptr && s < vehicle.length + kBehindLink && position > 0 &&
+             position <= plan->route().size()) {
     const EdgeIndex behind = plan->route()[position - 1];
     for (const std::int32_t index : network_.lanes[lane].incoming) {
       const Connection& connection = network_.connections[index];

@@ -13,6 +13,8 @@ namespace {
 constexpr double kStanding = 0.1, kCreeping = 0.5;
 /// [s] of waiting after which what stands on another road is crept by: it waits for us.
 constexpr float kPatience = 12.0f;
+/// [s] likewise, persons at the kerb of a turn.
+constexpr float kPersonPatience = 8.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
 /// [s] for which a vehicle's lateral motion is taken to last.
@@ -49,6 +51,7 @@ void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, do
   const auto occupants = world.occupancy->On(lane);
   for (auto it = occupants.rbegin(); it != occupants.rend(); ++it) {
     if (it->row == ego || it->s > s) continue;
+    if (it->s > world.network->lanes[lane].length) continue;  // Only its tail: its front is farther on.
     if (behind_yield_line && world.traffic->now.speed[it->row] < kStanding) return;
     const double gap = s - it->s;
     if (gap < nearest->gap) *nearest = {it->row, gap, world.traffic->now.speed[it->row]};
@@ -330,7 +333,7 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       const bool creeping = world.traffic->now.speed[ego] < kWalkingSpeed;
       if (person) {
         // Whoever still stands there after a while waits for us to go.
-        if (!crossing_traffic && stands && creeping && world.traffic->now.waited[ego] > kPatience)
+        if (!crossing_traffic && stands && creeping && world.traffic->now.waited[ego] > kPersonPatience)
           obstacle.forgiven = kWholly;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
