@@ -188,7 +188,8 @@ BlsNet Simplify(const BlsNet& net, std::span<const LabelledScan> samples, double
   CheckOption("simplification tolerance", tolerance, 0.0, 1.0);
   BlsNet simple = net;
   const Eigen::MatrixXd a = DesignMatrix(net, samples);
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(a.middleCols(1, net.features()), Eigen::ComputeThinV);
+  // Jacobi's way: by BDCSVD equal feature nodes come out with a singular value far from zero.
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(a.middleCols(1, net.features()), Eigen::ComputeThinV);
   const auto& singular = svd.singularValues();
   Eigen::Index rank = 1;
   // Rounding leaves values of about 1e-16 of the largest where there is no rank.
