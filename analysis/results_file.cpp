@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <ctime>
 #include <fstream>
 #include <functional>
 #include <span>
@@ -80,6 +81,13 @@ std::uint32_t BigEndian(const std::array<char, 100>& header, std::size_t at) {
   std::uint32_t value = 0;
   for (std::size_t k = 0; k < 4; ++k) value = value << 8 | static_cast<unsigned char>(header[at + k]);
   return value;
+}
+
+/// [s] of processor time of the calling thread so far.
+double ThreadTime() {
+  timespec time{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 /// Looks at a file's first bytes only (the SQLite file format's header): a file that is not ours stays
@@ -573,6 +581,7 @@ void RunWriter::WriteLoop() {
     }
     std::apply([](auto&... rows) { (rows.clear(), ...); }, batch);
     lock.lock();
+    writing_time_ = ThreadTime();
     if (error) {
       error_ = error;
       space_.notify_all();
@@ -613,7 +622,9 @@ void RunWriter::Finish(const RunOutcome& outcome) {
 
 void RunWriter::WriteOutcome(const RunOutcome& outcome) {
   std::string message = outcome.message;
+  const auto index_start = std::chrono::steady_clock::now();
   const std::string index_error = IndexTrajectory();
+  index_time_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - index_start).count();
   if (!index_error.empty()) message += (message.empty() ? "" : "; ") + index_error;
 
   SQLite::Database& database = file_.database();
