@@ -12,6 +12,10 @@ namespace {
 constexpr float kCheckPeriod = 0.2f;
 /// [m] from which a body cuts bends more than a car does.
 constexpr float kLongBody = 7.0f;
+/// [m] below which a body's bulge into a bend is left out.
+constexpr float kNoBulge = 0.01f;
+/// [m] of overlap that is worth swerving for.
+constexpr float kSwerve = 0.6f;
 /// Courses are simulated in groups that fill vector registers.
 int RoundUp(int count) {
   return (count + 15) / 16 * 16;
@@ -73,23 +77,55 @@ int NodesBeside(const RoadView& view, float ego_length) {
   return 1 + static_cast<int>(std::ceil((ego_length + longest) / view.spacing));
 }
 
-/// [m] how far left of the tangent at path node n the path lies a body length behind it. A bend's body is a
-/// chord: without this a rear bumper on the path would seem to be beside it.
-float BendBehind(const RoadView& view, int n, float length) {
+struct PathPoint {
+  float x, y, cos_heading, sin_heading;
+};
+
+/// The path `back` [m] behind node n: cubic Hermite between nodes, which are far apart behind the ego.
+PathPoint Behind(const RoadView& view, int n, float back) {
   const int front = kNodesBehind + n;
-  const float s = view.s[front] - length;
+  const float s = view.s[front] - back;
   int k = 0;
   while (k + 1 < front && view.s[k + 1] <= s) ++k;
-  const float share = std::clamp((s - view.s[k]) / (view.s[k + 1] - view.s[k]), 0.0f, 1.0f);
-  const float dx = view.x[k] + share * (view.x[k + 1] - view.x[k]) - view.x[front];
-  const float dy = view.y[k] + share * (view.y[k + 1] - view.y[k]) - view.y[front];
-  return dy * view.cos_heading[front] - dx * view.sin_heading[front];
+  const float step = view.s[k + 1] - view.s[k], t = std::clamp((s - view.s[k]) / step, 0.0f, 1.0f);
+  const float t2 = t * t, t3 = t2 * t;
+  const float p1 = 3.0f * t2 - 2.0f * t3, p0 = 1.0f - p1;
+  const float m0 = step * (t3 - 2.0f * t2 + t), m1 = step * (t3 - t2);
+  return {p0 * view.x[k] + p1 * view.x[k + 1] + m0 * view.cos_heading[k] + m1 * view.cos_heading[k + 1],
+          p0 * view.y[k] + p1 * view.y[k + 1] + m0 * view.sin_heading[k] + m1 * view.sin_heading[k + 1],
+          (1.0f - t) * view.cos_heading[k] + t * view.cos_heading[k + 1],
+          (1.0f - t) * view.sin_heading[k] + t * view.sin_heading[k + 1]};
+}
+
+/// A straight body's place in a bend, its bumpers' middles on the path, the front one at a node.
+struct BodyInBend {
+  float tangent;  ///< [m] how far left of the front's tangent the rear is.
+  float bulge;    ///< [m] how far left of the path the body's middle is.
+};
+
+BodyInBend PlaceInBend(const RoadView& view, int n, float length) {
+  const int front = kNodesBehind + n;
+  const PathPoint rear = Behind(view, n, length), middle = Behind(view, n, 0.5f * length);
+  const float dx = rear.x - view.x[front], dy = rear.y - view.y[front];
+  const float mx = view.x[front] + 0.5f * dx - middle.x, my = view.y[front] + 0.5f * dy - middle.y;
+  return {dy * view.cos_heading[front] - dx * view.sin_heading[front],
+          my * middle.cos_heading - mx * middle.sin_heading};
 }
 
 /// Distance driven and whether it still moves, under constant acceleration until standstill.
 float Travel(float speed, float accel, float time) {
   if (accel < 0.0f) time = std::min(time, speed / -accel);
   return speed * time + 0.5f * accel * time * time;
+}
+
+/// As selections, so that loops over courses fill vector registers.
+float Least(float a, float b, float c) {
+  const float ab = a < b ? a : b;
+  return ab < c ? ab : c;
+}
+float Most(float a, float b, float c) {
+  const float ab = a > b ? a : b;
+  return ab > c ? ab : c;
 }
 
 /// Lowers scratch->blocked_clearance[i][j] to the lateral gap of rollout (i, j) to road users beside the ego,
@@ -107,10 +143,12 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   float leftmost = -1e3f, rightmost = 1e3f;
   for (int n = 0; n < kPathNodes; n += NodesBeside(view, ego_length)) {
     for (int j = 0; j < courses.count; ++j) {
-      leftmost =
-          std::max({leftmost, courses.front_max[n][j] + half_width, courses.rear_max[n][j] + half_width});
-      rightmost =
-          std::min({rightmost, courses.front_min[n][j] - half_width, courses.rear_min[n][j] - half_width});
+      const float* middle_min = courses.bent ? courses.middle_min[n] : courses.front_min[n];
+      const float* middle_max = courses.bent ? courses.middle_max[n] : courses.front_max[n];
+      leftmost = std::max(leftmost,
+                          Most(courses.front_max[n][j], courses.rear_max[n][j], middle_max[j]) + half_width);
+      rightmost = std::min(
+          rightmost, Least(courses.front_min[n][j], courses.rear_min[n][j], middle_min[j]) - half_width);
     }
   }
   const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
@@ -120,10 +158,14 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
     const float drift = std::abs(o.speed_d) * o.drift_time;
     if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort)
       continue;
-    const float left_now = std::max(courses.front[0][0], courses.rear[0][0]) + half_width;
-    const float right_now = std::min(courses.front[0][0], courses.rear[0][0]) - half_width;
+    const float front_now = courses.front[0][0], rear_now = courses.rear[0][0];
+    const float middle_now = courses.bent ? courses.middle[0][0] : front_now;
+    const float left_now = Most(front_now, rear_now, middle_now) + half_width;
+    const float right_now = Least(front_now, rear_now, middle_now) - half_width;
     const float gap_now = std::max(right_now - (o.d + o.half_width), o.d - o.half_width - left_now);
-    const float allowance = std::max(0.0f, margin - gap_now) + 0.02f;
+    // Nearer by what rounding makes of standing beside it; ever less, or many plans would add up to a touch.
+    const float rounding = 0.2f * std::clamp(gap_now, 0.0f, 0.1f);
+    const float allowance = std::max(0.0f, margin - gap_now) + rounding;
     for (int i = 0; i < profiles.count; ++i) {
       for (int k = 0; k <= checks; ++k) {
         const float t = static_cast<float>(k) * kCheckPeriod;
@@ -137,11 +179,13 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
         const float obstacle_right = obstacle_d - o.half_width + allowance - half_width;
         float* clearance = scratch->blocked_clearance[i];
         const float* ego_front = courses.front[n];
-        const float* ego_rear = o.parallel && ego_length < kLongBody ? ego_front : courses.rear[n];
+        const bool abreast = o.parallel && ego_length < kLongBody;
+        const float* ego_rear = abreast ? ego_front : courses.rear[n];
+        const float* ego_middle = abreast || !courses.bent ? ego_front : courses.middle[n];
 #pragma omp simd
         for (int j = 0; j < padded; ++j) {
-          const float low = ego_front[j] < ego_rear[j] ? ego_front[j] : ego_rear[j];
-          const float high = ego_front[j] < ego_rear[j] ? ego_rear[j] : ego_front[j];
+          const float low = Least(ego_front[j], ego_rear[j], ego_middle[j]);
+          const float high = Most(ego_front[j], ego_rear[j], ego_middle[j]);
           const float gap_right = low - obstacle_left, gap_left = obstacle_right - high;
           const float gap = gap_right > gap_left ? gap_right : gap_left;
           clearance[j] = gap < clearance[j] ? gap : clearance[j];
@@ -165,6 +209,7 @@ DynamicWindow ReachableSteering(double steering_angle, double max_rate, double m
 void RollOutCourses(const DrivingParams& driving, const RoadView& view, const PlanContext& c, int count,
                     CourseSet* courses) {
   courses->count = count;
+  courses->bent = false;
   const int padded = RoundUp(count);
   for (int j = 0; j < padded; ++j) {
     const double share = count < 2 ? 0.0 : std::min(1.0, static_cast<double>(j - 1) / (count - 2));
@@ -192,13 +237,17 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const float* target = courses->target.data();
   for (int n = 0; n < kPathNodes; ++n) {
     const float curvature = view.curvature[n];
-    const float bend = BendBehind(view, n, length);
+    const BodyInBend body = PlaceInBend(view, n, length);
+    courses->bent = courses->bent || std::abs(body.bulge) > kNoBulge;
     float* front = courses->front[n];
     float* rear = courses->rear[n];
+    float* middle = courses->middle[n];
 #pragma omp simd
     for (int j = 0; j < padded; ++j) {
       front[j] = d[j];
-      rear[j] = d[j] - length * heading[j] - bend;
+      // A bend's body is a chord: without its tangent a rear bumper on the path would seem to be beside it.
+      rear[j] = d[j] - length * heading[j] - body.tangent;
+      middle[j] = 0.5f * (front[j] + rear[j]) + body.bulge;
       // The tracking law of the steering controller; then one step of the bicycle in distance.
       float course = gain * (target[j] - d[j]);
       course = course > max_course ? max_course : (course < -max_course ? -max_course : course);
@@ -218,6 +267,8 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const int window = NodesBeside(view, length);
   RangeFromNodeOn(courses->front, padded, window, courses->front_min, courses->front_max);
   RangeFromNodeOn(courses->rear, padded, window, courses->rear_min, courses->rear_max);
+  if (courses->bent)
+    RangeFromNodeOn(courses->middle, padded, window, courses->middle_min, courses->middle_max);
 }
 
 void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& c,
@@ -272,14 +323,21 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     const bool abreast = o.parallel && vehicle.length < kLongBody;
     const float* rear_min = abreast ? front_min : courses->rear_min[n_rear];
     const float* rear_max = abreast ? front_max : courses->rear_max[n_rear];
+    const int n_middle = std::min(kPathNodes - 1, n + body_nodes / 2);
+    const bool straight = abreast || !courses->bent;
+    const float* middle_min = straight ? front_min : courses->middle_min[n_middle];
+    const float* middle_max = straight ? front_max : courses->middle_max[n_middle];
     const auto lateral_gap_of = [&](int j) {
-      const float low = front_min[j] < rear_min[j] ? front_min[j] : rear_min[j];
-      const float high = front_max[j] > rear_max[j] ? front_max[j] : rear_max[j];
+      const float low = Least(front_min[j], rear_min[j], middle_min[j]);
+      const float high = Most(front_max[j], rear_max[j], middle_max[j]);
       const float gap_right = low - obstacle_left, gap_left = obstacle_right - high;
       return gap_right > gap_left ? gap_right : gap_left;
     };
     const float comfort_speed = static_cast<float>(comfort), safe_speed = static_cast<float>(safe);
     const float least_gap = margin - o.forgiven;
+    // What a course runs into limits its speed; as a critic it counts like a touch. But of what reaches only
+    // a little into the wanted course, less is better: who stops before it then stops where it can pass.
+    const float deepest = lateral_gap_of(0) > -kSwerve ? -kSwerve : 0.0f;
 #pragma omp simd
     for (int j = 0; j < padded; ++j) {
       const float lateral_gap = lateral_gap_of(j);
@@ -288,8 +346,7 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
                   clear_j = courses->clearance[j];
       courses->comfort_speed[j] = in_course && comfort_speed < comfort_j ? comfort_speed : comfort_j;
       courses->safe_speed[j] = in_course && safe_speed < safe_j ? safe_speed : safe_j;
-      // What the course runs into limits its speed; as a critic it counts like a touch.
-      const float gap_or_touch = lateral_gap > 0.0f ? lateral_gap : 0.0f;
+      const float gap_or_touch = lateral_gap > deepest ? lateral_gap : deepest;
       courses->clearance[j] = gap_or_touch < clear_j ? gap_or_touch : clear_j;
     }
     if (lateral_gap_of(0) < least_gap && gap < courses->leader_gap) {

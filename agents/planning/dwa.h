@@ -53,6 +53,11 @@ struct CourseSet {
   /// [m] range of both over the nodes, from n on, where the ego may be beside what it reaches at n.
   alignas(64) float front_min[kPathNodes][kMaxCourses], front_max[kPathNodes][kMaxCourses];
   alignas(64) float rear_min[kPathNodes][kMaxCourses], rear_max[kPathNodes][kMaxCourses];
+  /// Likewise of the middle of the body, which in a bend lies farther inside than both bumpers; only if
+  /// `bent`.
+  bool bent{false};
+  alignas(64) float middle[kPathNodes][kMaxCourses];
+  alignas(64) float middle_min[kPathNodes][kMaxCourses], middle_max[kPathNodes][kMaxCourses];
   alignas(64) std::array<float, kMaxCourses> comfort_speed;  ///< [m/s] braking comfortably for what stands in
                                                              ///< the course.
   alignas(64) std::array<float, kMaxCourses> safe_speed;     ///< [m/s] the admissible limit.
@@ -62,7 +67,7 @@ struct CourseSet {
       leader_speed{0.0f};  ///< Of course 0: the nearest obstacle in it (infinite gap if none).
 };
 
-/// Per-thread working memory of a planner: about 20 KiB, reused.
+/// Per-thread working memory of a planner: about 45 KiB, reused.
 struct PlanScratch {
   WayAhead way;
   RoadView view;

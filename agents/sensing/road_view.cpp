@@ -13,14 +13,14 @@ namespace {
 constexpr double kStanding = 0.1, kCreeping = 0.5;
 /// [s] of waiting after which what stands on another road is crept by: it waits for us.
 constexpr float kPatience = 12.0f;
-/// [s] likewise, persons at the kerb of a turn.
-constexpr float kPersonPatience = 8.0f;
+/// [s] likewise, persons at the kerb of a turn: by who reaches a little into the way, and by anybody.
+constexpr float kPersonPatience = 8.0f, kLongPatience = 25.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
 /// [s] for which a vehicle's lateral motion is taken to last.
 constexpr float kDriftTime = 1.0f;
 /// [m] of overlap forgiven.
-constexpr float kALittle = 0.6f, kWholly = 1e3f;
+constexpr float kReach = 0.05f, kALittle = 0.6f, kWholly = 1e3f;
 
 /// The lane a junction's internal lane leads to: its next part, or the lane behind the junction.
 LaneIndex NextOfInternal(const RoadNetwork& network, const Lane& lane) {
@@ -333,8 +333,9 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       const bool creeping = world.traffic->now.speed[ego] < kWalkingSpeed;
       if (person) {
         // Whoever still stands there after a while waits for us to go.
-        if (!crossing_traffic && stands && creeping && world.traffic->now.waited[ego] > kPersonPatience)
-          obstacle.forgiven = kWholly;
+        const float waited = world.traffic->now.waited[ego];
+        if (!crossing_traffic && stands && creeping && waited > kPersonPatience)
+          obstacle.forgiven = waited > kLongPatience ? kWholly : kReach;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
         // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who

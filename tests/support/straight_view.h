@@ -11,13 +11,15 @@ namespace lanewise {
 inline RoadView PathView(double horizon, double curvature = 0.0) {
   RoadView view;
   view.spacing = static_cast<float>(horizon / (kPathNodes - 1));
-  for (int n = 0; n < kPathNodes; ++n) {
-    const double s = n * static_cast<double>(view.spacing), angle = s * curvature;
-    view.curvature[n] = static_cast<float>(curvature);
-    view.x[n] = static_cast<float>(curvature == 0.0 ? s : std::sin(angle) / curvature);
-    view.y[n] = static_cast<float>(curvature == 0.0 ? 0.0 : (1.0 - std::cos(angle)) / curvature);
-    view.cos_heading[n] = static_cast<float>(std::cos(angle));
-    view.sin_heading[n] = static_cast<float>(std::sin(angle));
+  view.curvature.fill(static_cast<float>(curvature));
+  for (int n = -kNodesBehind; n < kPathNodes; ++n) {
+    const double s = n * static_cast<double>(n < 0 ? kSpacingBehind : view.spacing), angle = s * curvature;
+    const int k = kNodesBehind + n;
+    view.s[k] = static_cast<float>(s);
+    view.x[k] = static_cast<float>(curvature == 0.0 ? s : std::sin(angle) / curvature);
+    view.y[k] = static_cast<float>(curvature == 0.0 ? 0.0 : (1.0 - std::cos(angle)) / curvature);
+    view.cos_heading[k] = static_cast<float>(std::cos(angle));
+    view.sin_heading[k] = static_cast<float>(std::sin(angle));
   }
   return view;
 }

@@ -228,6 +228,42 @@ INSTANTIATE_TEST_SUITE_P(SpeedCurvatureTarget, CourseAccuracy,
                          testing::Combine(testing::Values(5.0, 10.0, 20.0), testing::Values(0.0, 0.01),
                                           testing::Values(0.0, -0.6, 3.2)));
 
+// A body whose bumpers' middles are on a circle of radius r: its middle lies r - sqrt(r^2 - (l / 2)^2)
+// inside.
+TEST_F(DwaTest, TheMiddleOfTheBodyLiesInsideABend) {
+  const double radius = 8.0, length = vehicle_.length;
+  scratch_->view = PathView(10.0, 1.0 / radius);
+  context_.speed = 3.0;
+  context_.slip = std::asin(vehicle_.rear_axle_to_front / radius);
+  context_.heading_error = -context_.slip;
+  RollOutCourses(params_.driving, scratch_->view, context_, 1, &scratch_->courses);
+  const CourseSet& courses = scratch_->courses;
+  EXPECT_TRUE(courses.bent);
+  const double inside = radius * (1.0 - std::cos(0.5 * length / radius));
+  EXPECT_GT(inside, 0.3);
+  for (int n = 0; n < kPathNodes; ++n) {
+    const double between = 0.5 * (courses.front[n][0] + courses.rear[n][0]);
+    EXPECT_NEAR(courses.middle[n][0] - between, inside, 0.02) << "node " << n;
+  }
+  scratch_->view = PathView(10.0, 0.0);
+  RollOutCourses(params_.driving, scratch_->view, context_, 1, &scratch_->courses);
+  EXPECT_FALSE(courses.bent);
+}
+
+// Stopping before what reaches a little into the way, it goes aside meanwhile; behind a queue it stays.
+TEST_F(DwaTest, WhoStopsBeforeALittleOverlapMakesRoom) {
+  context_.speed = 4.0;
+  context_.corridor_min = -0.2;
+  context_.corridor_max = 0.2;
+  AddObstacle(8.0, 0.5 * vehicle_.width + 0.3, 0.0, 0.4);
+  const Plan plan = MakePlan();
+  EXPECT_LT(plan.accel, 0.0);
+  EXPECT_LT(plan.target_d, -0.15);
+  scratch_->view.obstacle_count = 0;
+  AddObstacle(8.0, 0.1, 0.0, 0.9);
+  EXPECT_EQ(MakePlan().target_d, 0.0);
+}
+
 TEST_F(DwaTest, IdmFollowsTheReferenceCourse) {
   AddObstacle(20.0, 0.0, 5.0, 0.9);
   const Plan plan = PlanIdm(params_, context_, scratch_.get());
