@@ -14,6 +14,8 @@ constexpr float kCheckPeriod = 0.2f;
 constexpr float kLongBody = 7.0f;
 /// [m] below which a body's bulge into a bend is left out.
 constexpr float kNoBulge = 0.01f;
+/// [m] to what is beside the ego, below which no plan comes nearer.
+constexpr float kLeastGap = 0.05f;
 /// [m] of overlap that is worth swerving for.
 constexpr float kSwerve = 0.6f;
 /// Courses are simulated in groups that fill vector registers.
@@ -163,8 +165,8 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
     const float left_now = Most(front_now, rear_now, middle_now) + half_width;
     const float right_now = Least(front_now, rear_now, middle_now) - half_width;
     const float gap_now = std::max(right_now - (o.d + o.half_width), o.d - o.half_width - left_now);
-    // Nearer by what rounding makes of standing beside it; ever less, or many plans would add up to a touch.
-    const float rounding = 0.2f * std::clamp(gap_now, 0.0f, 0.1f);
+    // Nearer by what rounding makes of standing beside it, but many plans must not add up to a touch.
+    const float rounding = std::clamp(gap_now - kLeastGap, 0.0f, 0.02f);
     const float allowance = std::max(0.0f, margin - gap_now) + rounding;
     for (int i = 0; i < profiles.count; ++i) {
       for (int k = 0; k <= checks; ++k) {

@@ -324,7 +324,9 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
     obstacle.forgiven = 0.0f;
-    obstacle.parallel = obstacle.along > kGoesAlong && IsParallel(world, row, way);
+    // Who stands does not swing out with us in a bend.
+    obstacle.parallel =
+        obstacle.along > kGoesAlong && obstacle.speed_s > kCreeping && IsParallel(world, row, way);
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
       const bool stands = speed < kStanding;
