@@ -1,12 +1,11 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 
 #include "agents/v2x/channel_counts.h"
 #include "analysis/results_file.h"
-#include "analysis/rule_watch.h"
+#include "analysis/rule_event.h"
 #include "libsumo_bridge/coupling_audit.h"
 #include "scenarios/run_config.h"
 
@@ -23,7 +22,7 @@ struct RunReport {
   double detour_length{0.0};  ///< [m]
   std::int64_t emergency_stops{0};
   std::int64_t samples{0};                                             ///< Sector-scan samples recorded.
-  std::array<std::int64_t, std::size(kRuleEventNames)> rule_events{};  ///< By RuleEventKind.
+  RuleEventCounts rule_events{};                                       ///< By RuleEventKind.
   CoordinationCounts coordination{};                                   ///< By CoordinationKind.
   double agent_time{0.0};                                              ///< [s] wall time in the agents' step.
   double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.
