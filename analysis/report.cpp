@@ -78,6 +78,12 @@ class Files {
   std::map<fs::path, ResultsFile> files_;
 };
 
+/// Share of the vehicles that carry a radio, as asked for; null without a channel.
+Json RadioShare(const RunRecord& run) {
+  const Json parameters = Json::parse(run.parameters_json, nullptr, false);
+  return run.v2x != "off" && parameters.contains("v2x.share") ? parameters["v2x.share"] : Json();
+}
+
 Json RunsJson(std::span<const RunRecord> runs) {
   Json list = Json::array();
   for (const RunRecord& run : runs) {
@@ -109,12 +115,6 @@ Json RunsJson(std::span<const RunRecord> runs) {
                     {"metrics", metrics}});
   }
   return list;
-}
-
-/// Share of the vehicles that carry a radio, as asked for; null without a channel.
-Json RadioShare(const RunRecord& run) {
-  const Json parameters = Json::parse(run.parameters_json, nullptr, false);
-  return run.v2x != "off" && parameters.contains("v2x.share") ? parameters["v2x.share"] : Json();
 }
 
 /// Every k-th value so that at most `limit` stay.
