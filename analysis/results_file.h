@@ -188,6 +188,9 @@ class RunWriter {
   RunWriter& operator=(const RunWriter&) = delete;
 
   std::int64_t run_id() const { return run_id_; }
+  /// [s] after Finish: processor time of the writing thread, and wall time for the trajectories' index.
+  double writing_time() const { return writing_time_; }
+  double index_time() const { return index_time_; }
 
   /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
   /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow, V2xIntervalRow, V2xAgeRow,
@@ -220,6 +223,7 @@ class RunWriter {
   WriterParams params_;
   std::int64_t run_id_{0};
   std::int64_t trajectory_rows_{0};  // Committed.
+  double writing_time_{0.0}, index_time_{0.0};  // [s]
   bool finished_{false};
   RunStatus unfinished_status_{RunStatus::kFailed};
   std::string unfinished_message_{"the run ended without a result"};

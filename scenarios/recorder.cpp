@@ -1,12 +1,12 @@
 #include "scenarios/recorder.h"
 
-#include <chrono>
 #include <cmath>
 
 #include "agents/core/geometry.h"
 #include "agents/sensing/road_view.h"
 #include "agents/vehicle/kinematic_bicycle.h"
 #include "analysis/vehicle_mass.h"
+#include "scenarios/timed.h"
 
 namespace lanewise {
 namespace {
@@ -52,18 +52,14 @@ void Recorder::Observe(std::int64_t step, double time, double wall_time, const T
                        const VehicleBridge& bridge) {
   Depart(traffic, bridge);
   FillFrame(step, time, traffic, bridge);
-  if (params_.safety_level != SafetyLevel::kOff) {
-    const auto start = std::chrono::steady_clock::now();
-    safety_.Observe(frame_);
-    safety_time_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  }
+  if (params_.safety_level != SafetyLevel::kOff) Timed(&safety_time_, [&] { safety_.Observe(frame_); });
   trips_.Observe(frame_, safety_.row_ttc(), safety_.row_drac());
   edges_.Observe(frame_);
   comfort_.Observe(frame_);
   rules_.Observe(time, traffic);
   for (const Departure& gone : bridge.gone())
     FinishTrip(gone.number, time, gone.arrived ? TripEnd::kArrived : TripEnd::kVaporized);
-  if (IsDue(step, params_.sample_period, params_.step_length)) Sample();
+  if (IsDue(step, params_.sample_period, params_.step_length)) Timed(&sampling_time_, [&] { Sample(); });
   if (IsDue(step, 1.0, params_.step_length)) {
     Summarize(wall_time, bridge);
     Flush();
@@ -218,11 +214,13 @@ void Recorder::Flush() {
   if (writer_ != nullptr) {
     writer_->Add(vehicles_);
     writer_->Add(finished_trips_);
-    writer_->Add(samples_);
+    Timed(&sampling_time_, [&] { writer_->Add(samples_); });
     writer_->Add(summaries_);
-    writer_->Add(safety_.TakeFinishedContacts());
-    writer_->Add(safety_.TakeFinishedEncounters());
-    writer_->Add(safety_.TakeFinishedSamples());
+    Timed(&safety_time_, [&] {
+      writer_->Add(safety_.TakeFinishedContacts());
+      writer_->Add(safety_.TakeFinishedEncounters());
+      writer_->Add(safety_.TakeFinishedSamples());
+    });
     writer_->Add(edges_.TakeFinished());
     writer_->Add(rules_.TakeEvents());
   } else {

@@ -19,18 +19,11 @@
 #include "scenarios/progress.h"
 #include "scenarios/recorder.h"
 #include "scenarios/state_trace.h"
+#include "scenarios/timed.h"
 #include "scenarios/test_fault.h"
 
 namespace lanewise {
 namespace {
-
-/// Adds the wall time of a call to a counter.
-template <class F>
-void Timed(double* seconds, F&& f) {
-  const auto start = std::chrono::steady_clock::now();
-  f();
-  *seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
 
 RunInfo Describe(const RunConfig& config, const std::vector<std::string>& sumo_options) {
   RunInfo info;
@@ -191,6 +184,7 @@ RunReport Run(const RunConfig& config) {
     throw;
   }
   report.safety_time = recorder.safety_time();
+  report.sampling_time = recorder.sampling_time();
   report.v2x = pipeline.channel().counts();
   const double end = session.time();
   const auto finish_start = std::chrono::steady_clock::now();
@@ -230,6 +224,7 @@ RunReport Run(const RunConfig& config) {
   if (writer) {
     report.run_id = writer->run_id();
     writer->Finish(outcome);
+    report.writing_time = writer->writing_time() + writer->index_time();
   }
   report.finish_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - finish_start).count();
   report.cpu_time = static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC;

@@ -28,7 +28,9 @@ struct RunReport {
   double coupling_time{0.0};  ///< [s] wall time reading from and writing to SUMO.
   double record_time{0.0};    ///< [s] wall time for measures and results.
   double finish_time{0.0};    ///< [s] wall time after the last step, until the results are closed.
-  double safety_time{0.0};    ///< [s] of record_time in the safety engine.
+  double safety_time{0.0};    ///< [s] of record_time in the safety engine and for its events.
+  double sampling_time{0.0};  ///< [s] of record_time for trajectory samples.
+  double writing_time{0.0};   ///< [s] in writing the results: processor time; wall time for indexes.
   double cpu_time{0.0};       ///< [s] of processor time of all threads, from the first step to the end.
 };
 
