@@ -350,7 +350,8 @@ std::string BuildReport(std::span<const RunRecord> runs, const CompareParams& pa
   data["metrics"] = Json::array();
   for (const MetricInfo& m : AllMetrics())
     data["metrics"].push_back({{"name", m.name}, {"label", m.label}, {"better", BetterName(m.better)}});
-  for (const char* list : {"labels", "flow_density", "cdf", "comfort", "radio", "maps", "time_space", "demands"})
+  for (const char* list :
+       {"labels", "flow_density", "cdf", "comfort", "radio", "maps", "time_space", "demands"})
     data[list] = Json::array();
   data["networks"] = Json::object();
   Files files;

@@ -141,7 +141,8 @@ void CheckOpen(const fs::path& path, ResultsFile::Mode mode) {
 }
 
 void CreateSchemaIfEmpty(SQLite::Database* database) {
-  // Only a file without pages takes it. A quarter as many pages to log, add up and write as with SQLite's 4096.
+  // Only a file without pages takes it. A quarter as many pages to log, add up and write as with SQLite's
+  // 4096.
   database->exec("PRAGMA page_size = 16384");
   // Under the write lock: another process may be creating the same file.
   SQLite::Transaction transaction(*database, SQLite::TransactionBehavior::IMMEDIATE);
@@ -750,14 +751,16 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
 }
 
 std::string FormatInfo(const fs::path& path, std::span<const RunSummary> runs) {
-  std::vector<std::vector<std::string>> lines = {
-      {"run", "started (UTC)", "status", "scenario", "policy", "rules", "v2x", "coordination", "seed",
-       "inserted", "arrived", "collisions", "near misses", "red lights run", "standstills", "detours", "trajectory rows", "state hash"}};
+  std::vector<std::vector<std::string>> lines = {{"run", "started (UTC)", "status", "scenario", "policy",
+                                                  "rules", "v2x", "coordination", "seed", "inserted",
+                                                  "arrived", "collisions", "near misses", "red lights run",
+                                                  "standstills", "detours", "trajectory rows", "state hash"}};
   for (const RunSummary& run : runs) {
     lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.rules,
                      run.v2x, run.coordination, Cell(run.seed), Cell(run.inserted), Cell(run.arrived),
-                     Cell(run.collisions), Cell(run.near_misses), Cell(run.red_lights_run), Cell(run.standstills), Cell(run.detours),
-                     Cell(run.trajectory_rows), run.state_hash.value_or("-")});
+                     Cell(run.collisions), Cell(run.near_misses), Cell(run.red_lights_run),
+                     Cell(run.standstills), Cell(run.detours), Cell(run.trajectory_rows),
+                     run.state_hash.value_or("-")});
   }
   return fmt::format("{}: Lanewise results, schema {}, {} run{}\n{}", path.string(), kSchemaVersion,
                      runs.size(), runs.size() == 1 ? "" : "s", FormatTable(lines));

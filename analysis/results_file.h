@@ -222,7 +222,7 @@ class RunWriter {
   ResultsFile file_;
   WriterParams params_;
   std::int64_t run_id_{0};
-  std::int64_t trajectory_rows_{0};  // Committed.
+  std::int64_t trajectory_rows_{0};             // Committed.
   double writing_time_{0.0}, index_time_{0.0};  // [s]
   bool finished_{false};
   RunStatus unfinished_status_{RunStatus::kFailed};

@@ -103,8 +103,7 @@ Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingPa
   if (green && green->begin <= age && *pass + params.green_margin < green->end) return free;
   // Those behind keep their turn, also where this one's comes later: bound for another line, it makes them
   // wait only where the lanes have parted.
-  const double wanted =
-      SpeedToArrive(line->distance, speed, std::min(*pass, behind) - age, params.decel);
+  const double wanted = SpeedToArrive(line->distance, speed, std::min(*pass, behind) - age, params.decel);
   const double advised = std::clamp(wanted, std::min(params.min_speed, limit), limit);
   return {line->signal, advised, std::max(advised, speed - params.decel * driving.response_time)};
 }

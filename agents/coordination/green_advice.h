@@ -18,8 +18,8 @@ namespace lanewise {
 std::optional<double> PassingTime(const AdviceParams& params, const SignalTiming& timing, std::int32_t link,
                                   double reach, double ahead);
 
-/// [s] when others pass the signal: the last one ahead on the lane to the line (negative: none), and the first
-/// one behind on the present lane, whatever line it is bound for.
+/// [s] when others pass the signal: the last one ahead on the lane to the line (negative: none), and the
+/// first one behind on the present lane, whatever line it is bound for.
 struct PassingTimes {
   double ahead{-1.0}, behind{1e9};
 };

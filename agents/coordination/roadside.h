@@ -28,8 +28,8 @@ std::optional<StopLine> StopLineOf(const RoadNetwork& network, const Message& me
 struct ExpectedPass {
   LaneIndex lane{kNone};  ///< That leads to the line.
   LaneIndex on{kNone};    ///< Where it is.
-  float distance{0.0f};  ///< [m] to the stop line, when the message was sent.
-  float time{0.0f};      ///< [s] after that.
+  float distance{0.0f};   ///< [m] to the stop line, when the message was sent.
+  float time{0.0f};       ///< [s] after that.
   StationId vehicle{kNone};
 };
 

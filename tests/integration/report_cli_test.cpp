@@ -27,8 +27,8 @@ class ReportCli : public testing::Test {
  protected:
   void Record(const std::string& policy, const std::string& seed,
               const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> words{"run", "--scenario", "town", "--policy",  policy,   "--seed", seed,
-                                   "--end", "90",      "-q",   "--results", Results()};
+    std::vector<std::string> words{"run", "--scenario", "town", "--policy", policy,      "--seed",
+                                   seed,  "--end",      "90",   "-q",       "--results", Results()};
     words.insert(words.end(), more.begin(), more.end());
     ChildProcess run(words);
     ASSERT_EQ(run.Wait(), 0) << run.Errors();
@@ -105,7 +105,8 @@ TEST_F(ReportCli, ChromiumDrawsItAndChartsAnswerToTheMouse) {
 TEST_F(ReportCli, WhatWentOverTheRadioIsDrawn) {
   for (const char* level : {"range", "loaded"}) {
     for (const char* share : {"0.5", "1"})
-      Record("dwa", "1", {"--v2x", level, "--set", std::string("v2x.share=") + share, "--coordinate", "green-advice"});
+      Record("dwa", "1",
+             {"--v2x", level, "--set", std::string("v2x.share=") + share, "--coordinate", "green-advice"});
   }
   ChildProcess child({"report", Results(), "-o", Page()});
   ASSERT_EQ(child.Wait(), 0) << child.Errors();

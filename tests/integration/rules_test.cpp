@@ -74,10 +74,11 @@ TEST(OwnRules, WhoRunsARedLightIsInTheResults) {
   const RunReport report = RunResolved(config);
   EXPECT_EQ(report.outcome.arrived, 2);
   EXPECT_EQ(Count(report, RuleEventKind::kRedLight), 1);
-  EXPECT_EQ(Query(*config.results,
-                  "SELECT COUNT(*) FROM rule_event JOIN vehicle USING (run_id, vehicle_number) JOIN lane USING "
-                  "(run_id, lane) WHERE kind = 'red_light' AND vehicle_id = 'a' AND lane_id = 'N1_J1_0'"),
-            1.0);
+  EXPECT_EQ(
+      Query(*config.results,
+            "SELECT COUNT(*) FROM rule_event JOIN vehicle USING (run_id, vehicle_number) JOIN lane USING "
+            "(run_id, lane) WHERE kind = 'red_light' AND vehicle_id = 'a' AND lane_id = 'N1_J1_0'"),
+      1.0);
   EXPECT_EQ(Query(*config.results, "SELECT red_lights_run FROM v_run_metrics"), 1.0);
   EXPECT_EQ(Query(*config.results, "SELECT red_lights_run FROM v_run_summary"), 1.0);
   EXPECT_EQ(Query(*config.results, "SELECT COUNT(*) FROM rule_event"), 1.0);

@@ -157,8 +157,11 @@ TEST_F(ResultsFileTest, StoresARunAndSumsItUp) {
   EXPECT_EQ(Value(path_, "SELECT lane_id FROM lane WHERE lane = 3"), "e0_0");
   EXPECT_EQ(Value(path_, "SELECT max_speed_error_mps FROM audit WHERE cause = 'speed'"), "0.25");
   EXPECT_EQ(Value(path_, "SELECT COUNT(*) FROM policy_share"), "2");
-  EXPECT_EQ(Value(path_, "SELECT vehicle_number || ' ' || lane FROM rule_event WHERE kind = 'red_light' AND time_s = 12.5"),
-            "0 3");
+  EXPECT_EQ(
+      Value(
+          path_,
+          "SELECT vehicle_number || ' ' || lane FROM rule_event WHERE kind = 'red_light' AND time_s = 12.5"),
+      "0 3");
   EXPECT_EQ(Value(path_, "SELECT x_m FROM trajectory WHERE vehicle_number = 3 AND time_s = 0.0"), "3.75");
 }
 
