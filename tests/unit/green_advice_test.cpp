@@ -108,12 +108,12 @@ TEST(GreenAdvice, WhoIsAheadAndWhoIsBehind) {
   // The one that turns left: nobody ahead to its line, a straight one behind that passes at 20 s.
   PassingTimes times = PassesAround(expected, 3, kLeft, kRoad, 150.0);
   EXPECT_LT(times.ahead, 0.0);
-  EXPECT_FLOAT_EQ(times.behind, 20.0f);
+  EXPECT_DOUBLE_EQ(times.behind, 20.0);
   times = PassesAround(expected, 5, kStraight, kRoad, 200.0);
-  EXPECT_FLOAT_EQ(times.ahead, 18.0f);
-  EXPECT_FLOAT_EQ(times.behind, 62.0f);
+  EXPECT_DOUBLE_EQ(times.ahead, 18.0);
+  EXPECT_DOUBLE_EQ(times.behind, 62.0);
   times = PassesAround(expected, 6, kLeft, kRoad, 220.0);
-  EXPECT_FLOAT_EQ(times.ahead, 60.0f);
+  EXPECT_DOUBLE_EQ(times.ahead, 60.0);
   EXPECT_GT(times.behind, 1e6);  // Nobody.
 }
 
