@@ -78,6 +78,12 @@ class Files {
   std::map<fs::path, ResultsFile> files_;
 };
 
+/// Share of the vehicles that carry a radio, as asked for; null without a channel.
+Json RadioShare(const RunRecord& run) {
+  const Json parameters = Json::parse(run.parameters_json, nullptr, false);
+  return run.v2x != "off" && parameters.contains("v2x.share") ? parameters["v2x.share"] : Json();
+}
+
 Json RunsJson(std::span<const RunRecord> runs) {
   Json list = Json::array();
   for (const RunRecord& run : runs) {
@@ -104,6 +110,7 @@ Json RunsJson(std::span<const RunRecord> runs) {
                     {"state_hash", run.state_hash},
                     {"options", run.options},
                     {"agent_share", run.agent_share},
+                    {"radio_share", RadioShare(run)},
                     {"shares", shares},
                     {"metrics", metrics}});
   }
@@ -183,6 +190,26 @@ Json Comfort(const RunGroup& group, Files* files) {
     for (const auto& [number, bin] : bins) shares[measure].push_back({bin.lower, bin.upper, bin.time / time});
   }
   return {{"scenario", group.scenario}, {"label", group.label}, {"shares", shares}};
+}
+
+/// What went over the radio, by run and interval.
+Json Radio(const RunGroup& group, Files* files) {
+  Json points = Json::array();
+  for (const RunRecord* run : group.runs) {
+    SQLite::Statement query(
+        files->Of(*run),
+        "SELECT (begin_s + end_s) / 2, sent / station_time_s, delivered * 1.0 / NULLIF(delivered + dropped + "
+        "faded + collided, 0), mean_age_s, mean_busy_ratio FROM v2x_interval WHERE run_id = ? AND "
+        "station_time_s > 0.0 ORDER BY begin_s");
+    query.bind(1, run->run_id);
+    while (query.executeStep())
+      points.push_back({{"time", OrNull(query.getColumn(0))},
+                        {"sent", OrNull(query.getColumn(1))},
+                        {"delivered", OrNull(query.getColumn(2))},
+                        {"age", OrNull(query.getColumn(3))},
+                        {"busy", OrNull(query.getColumn(4))}});
+  }
+  return {{"scenario", group.scenario}, {"label", group.label}, {"points", points}};
 }
 
 Json ConflictMap(const RunGroup& group, Files* files) {
@@ -323,7 +350,8 @@ std::string BuildReport(std::span<const RunRecord> runs, const CompareParams& pa
   data["metrics"] = Json::array();
   for (const MetricInfo& m : AllMetrics())
     data["metrics"].push_back({{"name", m.name}, {"label", m.label}, {"better", BetterName(m.better)}});
-  for (const char* list : {"labels", "flow_density", "cdf", "comfort", "maps", "time_space", "demands"})
+  for (const char* list :
+       {"labels", "flow_density", "cdf", "comfort", "radio", "maps", "time_space", "demands"})
     data[list] = Json::array();
   data["networks"] = Json::object();
   Files files;
@@ -336,6 +364,7 @@ std::string BuildReport(std::span<const RunRecord> runs, const CompareParams& pa
       for (const char* measure : {"min_ttc_s", "pet_s"})
         data["cdf"].push_back(Distribution(group, measure, &files));
       data["comfort"].push_back(Comfort(group, &files));
+      data["radio"].push_back(Radio(group, &files));
       data["maps"].push_back(ConflictMap(group, &files));
       data["time_space"].push_back(TimeSpace(group, &files));
     });

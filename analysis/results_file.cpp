@@ -141,7 +141,8 @@ void CheckOpen(const fs::path& path, ResultsFile::Mode mode) {
 }
 
 void CreateSchemaIfEmpty(SQLite::Database* database) {
-  // Only a file without pages takes it. A quarter as many pages to log, add up and write as with SQLite's 4096.
+  // Only a file without pages takes it. A quarter as many pages to log, add up and write as with SQLite's
+  // 4096.
   database->exec("PRAGMA page_size = 16384");
   // Under the write lock: another process may be creating the same file.
   SQLite::Transaction transaction(*database, SQLite::TransactionBehavior::IMMEDIATE);
@@ -305,6 +306,14 @@ const char* TableOf(const CoordinationEvent&) {
 void BindRow(const CoordinationEvent& r, std::int64_t run_id, Binder bind) {
   bind(run_id, r.time, std::string(kCoordinationKindNames[static_cast<std::size_t>(r.kind)]),
        OrNull(r.vehicle), OrNull(r.signal), r.value);
+}
+
+const char* TableOf(const RuleEventRow&) {
+  return "rule_event";
+}
+void BindRow(const RuleEventRow& r, std::int64_t run_id, Binder bind) {
+  bind(run_id, r.time, std::string(kRuleEventNames[static_cast<std::size_t>(r.kind)]), r.vehicle_number,
+       OrNull(r.lane));
 }
 
 const char* TableOf(const StepSummaryRow&) {
@@ -560,6 +569,7 @@ template void RunWriter::Add(const std::vector<HistogramRow>&);
 template void RunWriter::Add(const std::vector<V2xIntervalRow>&);
 template void RunWriter::Add(const std::vector<V2xAgeRow>&);
 template void RunWriter::Add(const std::vector<CoordinationEvent>&);
+template void RunWriter::Add(const std::vector<RuleEventRow>&);
 
 void RunWriter::WriteLoop() {
   const std::chrono::duration<double> interval(params_.commit_interval);
@@ -700,6 +710,7 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
         "state_hash, "
         "arrived, mean_duration_s, mean_time_loss_s, distance_km, co2_kg, co2_g_per_km, hard_braking_count, "
         "collisions, agent_striking_outside_junctions, collisions_in_junctions, near_misses, min_ttc_s, "
+        "red_lights_run, standstills, "
         "(SELECT count FROM audit WHERE audit.run_id = v_run_summary.run_id AND cause = 'detours') "
         "FROM v_run_summary");
     std::vector<RunSummary> runs;
@@ -731,6 +742,8 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
       run.collisions_in_junctions = Optional<std::int64_t>(next());
       run.near_misses = Optional<std::int64_t>(next());
       run.min_ttc = Optional<double>(next());
+      run.red_lights_run = next().getInt64();
+      run.standstills = next().getInt64();
       run.detours = Optional<std::int64_t>(next());
     }
     return runs;
@@ -738,14 +751,16 @@ std::vector<RunSummary> LoadRunSummaries(const fs::path& path) {
 }
 
 std::string FormatInfo(const fs::path& path, std::span<const RunSummary> runs) {
-  std::vector<std::vector<std::string>> lines = {
-      {"run", "started (UTC)", "status", "scenario", "policy", "rules", "v2x", "coordination", "seed",
-       "inserted", "arrived", "collisions", "near misses", "detours", "trajectory rows", "state hash"}};
+  std::vector<std::vector<std::string>> lines = {{"run", "started (UTC)", "status", "scenario", "policy",
+                                                  "rules", "v2x", "coordination", "seed", "inserted",
+                                                  "arrived", "collisions", "near misses", "red lights run",
+                                                  "standstills", "detours", "trajectory rows", "state hash"}};
   for (const RunSummary& run : runs) {
     lines.push_back({Cell(run.run_id), run.started_at, run.status, run.scenario, run.policy, run.rules,
                      run.v2x, run.coordination, Cell(run.seed), Cell(run.inserted), Cell(run.arrived),
-                     Cell(run.collisions), Cell(run.near_misses), Cell(run.detours),
-                     Cell(run.trajectory_rows), run.state_hash.value_or("-")});
+                     Cell(run.collisions), Cell(run.near_misses), Cell(run.red_lights_run),
+                     Cell(run.standstills), Cell(run.detours), Cell(run.trajectory_rows),
+                     run.state_hash.value_or("-")});
   }
   return fmt::format("{}: Lanewise results, schema {}, {} run{}\n{}", path.string(), kSchemaVersion,
                      runs.size(), runs.size() == 1 ? "" : "s", FormatTable(lines));

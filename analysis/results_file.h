@@ -19,6 +19,7 @@
 #include "analysis/coordination_event.h"
 #include "analysis/edge_recorder.h"
 #include "analysis/encounter.h"
+#include "analysis/rule_event.h"
 #include "analysis/safety_monitor.h"
 #include "analysis/trip_recorder.h"
 #include "analysis/v2x_log.h"
@@ -30,7 +31,7 @@ class Database;
 namespace lanewise {
 
 inline constexpr std::uint32_t kResultsApplicationId = 0x4C414E45;  ///< 'LANE', as in results_schema.sql.
-inline constexpr std::uint32_t kSchemaVersion = 5;                  ///< user_version, likewise.
+inline constexpr std::uint32_t kSchemaVersion = 6;                  ///< user_version, likewise.
 
 /// An open results file. Everything that fails throws ConfigError naming the file, what was found and what is
 /// allowed.
@@ -192,8 +193,8 @@ class RunWriter {
   double index_time() const { return index_time_; }
 
   /// Queues rows: VehicleRow, LaneRow, EdgeRow, TripRow, TrajectoryRow, Contact, Encounter, EncounterSample,
-  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow, V2xIntervalRow, V2xAgeRow or
-  /// CoordinationEvent. Waits while the queue is full.
+  /// StepSummaryRow, StepHashRow, EdgeIntervalRow, HistogramRow, V2xIntervalRow, V2xAgeRow,
+  /// CoordinationEvent or RuleEventRow. Waits while the queue is full.
   template <class Row>
   void Add(const std::vector<Row>& rows);
 
@@ -209,7 +210,7 @@ class RunWriter {
                  std::vector<TrajectoryRow>, std::vector<Contact>, std::vector<Encounter>,
                  std::vector<EncounterSample>, std::vector<StepSummaryRow>, std::vector<StepHashRow>,
                  std::vector<EdgeIntervalRow>, std::vector<HistogramRow>, std::vector<V2xIntervalRow>,
-                 std::vector<V2xAgeRow>, std::vector<CoordinationEvent>>;
+                 std::vector<V2xAgeRow>, std::vector<CoordinationEvent>, std::vector<RuleEventRow>>;
 
   void WriteLoop();
   void Write(const Rows& rows);
@@ -221,7 +222,7 @@ class RunWriter {
   ResultsFile file_;
   WriterParams params_;
   std::int64_t run_id_{0};
-  std::int64_t trajectory_rows_{0};  // Committed.
+  std::int64_t trajectory_rows_{0};             // Committed.
   double writing_time_{0.0}, index_time_{0.0};  // [s]
   bool finished_{false};
   RunStatus unfinished_status_{RunStatus::kFailed};
@@ -261,7 +262,8 @@ struct RunSummary {
   std::optional<std::int64_t> agent_striking_outside_junctions{};
   std::optional<std::int64_t> collisions_in_junctions{};
   std::optional<std::int64_t> near_misses{};
-  std::optional<double> min_ttc{};        ///< [s]
+  std::optional<double> min_ttc{};  ///< [s]
+  std::int64_t red_lights_run{0}, standstills{0};
   std::optional<std::int64_t> detours{};  ///< Of agents, for want of a lane change; nothing: not counted.
 };
 

@@ -3,7 +3,7 @@
 -- user_version (and kSchemaVersion in results_file.h).
 
 PRAGMA application_id = 0x4C414E45;  -- 'LANE': marks a Lanewise results file.
-PRAGMA user_version = 5;
+PRAGMA user_version = 6;
 
 -- One row a run: what was run, on what, and how it ended. status 'running' with no process behind it: killed.
 CREATE TABLE run (
@@ -329,6 +329,18 @@ CREATE TABLE coordination_event (
 );
 CREATE INDEX coordination_event_of_run ON coordination_event (run_id, kind);
 
+-- What happened against, or for want of, the rules of the road, whoever drives. red_light: left a lane at red though it
+-- could have stopped at 0.5 s of reaction and its type's decel; junction_blocked: stood for 10 s in a junction where one
+-- may not; standstill: stood for 300 s; forced_entry: an agent's turn in a circle of vehicles that wait for each other.
+CREATE TABLE rule_event (
+  run_id INTEGER NOT NULL REFERENCES run,
+  time_s REAL NOT NULL,
+  kind TEXT NOT NULL CHECK (kind IN ('red_light', 'junction_blocked', 'standstill', 'forced_entry')),
+  vehicle_number INTEGER NOT NULL,
+  lane INTEGER                         -- red_light: the one it left; else where it stands. NULL: beside the road.
+);
+CREATE INDEX rule_event_of_run ON rule_event (run_id, kind);
+
 -- Did SUMO do what the agents commanded? Differences by cause.
 CREATE TABLE audit (
   run_id INTEGER NOT NULL REFERENCES run,
@@ -395,7 +407,8 @@ SELECT run.run_id, run.scenario, run.policy, run.rules, run.v2x, run.coordinatio
          AS agent_striking_outside_junctions,
        CASE WHEN run.safety <> 'off' THEN COALESCE(c.collisions_in_junctions, 0) END AS collisions_in_junctions,
        CASE WHEN run.safety = 'full' THEN COALESCE(e.encounters, 0) END AS encounters,
-       CASE WHEN run.safety = 'full' THEN COALESCE(e.near_misses, 0) END AS near_misses, e.min_ttc_s
+       CASE WHEN run.safety = 'full' THEN COALESCE(e.near_misses, 0) END AS near_misses, e.min_ttc_s,
+       COALESCE(r.red_lights_run, 0) AS red_lights_run, COALESCE(r.standstills, 0) AS standstills
 FROM run
 LEFT JOIN (SELECT run_id, SUM(trip_end = 'arrived') AS arrived,
                   AVG(CASE WHEN trip_end = 'arrived' THEN duration_s END) AS mean_duration_s,
@@ -411,4 +424,6 @@ LEFT JOIN (SELECT run_id, COUNT(*) AS collisions,
            FROM collision GROUP BY run_id) AS c ON c.run_id = run.run_id
 LEFT JOIN (SELECT run_id, COUNT(*) AS encounters, SUM(near_miss) AS near_misses, MIN(min_ttc_s) AS min_ttc_s
            FROM encounter GROUP BY run_id) AS e ON e.run_id = run.run_id
+LEFT JOIN (SELECT run_id, SUM(kind = 'red_light') AS red_lights_run, SUM(kind = 'standstill') AS standstills
+           FROM rule_event GROUP BY run_id) AS r ON r.run_id = run.run_id
 ORDER BY run.run_id;

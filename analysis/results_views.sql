@@ -51,6 +51,10 @@ CREATE VIEW v_run_metrics (
   signal_changes,           -- Cycles that differed from their program, in split or offset.
   reroutes,
   holds,
+  red_lights_run,           -- By vehicles that could have stopped.
+  junctions_blocked,        -- Vehicles that stood for 10 s in a junction where they may not.
+  standstills,              -- Vehicles that stood for 300 s.
+  forced_entries,           -- Agents that broke a circle of vehicles waiting for each other.
   stops_per_h,              -- Here and below: per hour driven by all vehicles together.
   contacts_per_1000h,
   junction_contacts_per_1000h,
@@ -83,6 +87,7 @@ SELECT run.run_id, run.scenario, run.policy, run.seed, run.status,
        v.sent / v.station_time_s, v.delivered * 1.0 / v.heard, v.age_s, v.busy_ratio, v.cruise_time_s / NULLIF(run.agent_steps * run.step_length_s, 0.0),
        COALESCE(k.advised, 0), k.followed * 1.0 / NULLIF(k.advised, 0), COALESCE(k.signal_changes, 0),
        COALESCE(k.reroutes, 0), COALESCE(k.holds, 0),
+       COALESCE(r.red_lights, 0), COALESCE(r.blocked, 0), COALESCE(r.standstills, 0), COALESCE(r.forced, 0),
        t.stops / t.some_h,
        CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.outside, 0) / t.some_h END,
        CASE WHEN run.safety <> 'off' THEN 1e3 * COALESCE(c.inside, 0) / t.some_h END,
@@ -119,6 +124,9 @@ LEFT JOIN (SELECT run_id, SUM(kind IN ('advice_followed', 'advice_missed')) AS a
                   COUNT(DISTINCT CASE WHEN kind IN ('signal_plan', 'signal_offset') THEN signal || time_s END)
                     AS signal_changes
            FROM coordination_event GROUP BY run_id) AS k ON k.run_id = run.run_id
+LEFT JOIN (SELECT run_id, SUM(kind = 'red_light') AS red_lights, SUM(kind = 'junction_blocked') AS blocked,
+                  SUM(kind = 'standstill') AS standstills, SUM(kind = 'forced_entry') AS forced
+           FROM rule_event GROUP BY run_id) AS r ON r.run_id = run.run_id
 LEFT JOIN (SELECT run_id, SUM(CASE WHEN policy <> 'sumo' THEN vehicles ELSE 0 END) * 1.0
                   / NULLIF(SUM(vehicles), 0) AS agent_share
            FROM policy_share GROUP BY run_id) AS shares ON shares.run_id = run.run_id

@@ -1,27 +1,14 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <string_view>
 #include <vector>
 
 #include "agents/core/types.h"
 #include "agents/network/road_network.h"
 #include "agents/traffic.h"
+#include "analysis/rule_event.h"
 
 namespace lanewise {
-
-/// What happened against, or for want of, the rules of the road.
-enum class RuleEventKind : std::uint8_t { kRedLight, kJunctionBlocked, kStandstill, kForcedEntry };
-inline constexpr std::string_view kRuleEventNames[] = {"red_light", "junction_blocked", "standstill",
-                                                       "forced_entry"};
-
-struct RuleEventRow {
-  double time{0.0};  ///< [s]
-  std::int32_t vehicle_number{kNone};
-  RuleEventKind kind{RuleEventKind::kRedLight};
-  LaneIndex lane{kNone};  ///< The lane left at a red light; else where the vehicle stands.
-};
 
 /// Watches all vehicles, whoever drives them, from their motion and what the signals show; it knows nothing
 /// of what an agent decided. Only forced entries are the agents' own word.
@@ -52,7 +39,7 @@ class RuleWatch {
   double dt_;
   std::vector<Watched> watched_;  // By vehicle number.
   std::vector<RuleEventRow> events_;
-  std::array<std::int64_t, std::size(kRuleEventNames)> counts_{};
+  RuleEventCounts counts_{};
 };
 
 }  // namespace lanewise

@@ -222,7 +222,7 @@ void Recorder::Flush() {
       writer_->Add(safety_.TakeFinishedSamples());
     });
     writer_->Add(edges_.TakeFinished());
-    rules_.TakeEvents();
+    writer_->Add(rules_.TakeEvents());
   } else {
     safety_.TakeFinishedContacts();
     safety_.TakeFinishedEncounters();

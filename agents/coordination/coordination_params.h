@@ -8,10 +8,10 @@ namespace lanewise {
 struct AdviceParams {
   double range{300.0};
   double min_speed{3.0};
-  double decel{0.3};
+  double decel{0.5};
   double headway{1.5};
-  double start_delay{0.0};
-  double green_margin{-1.0};
+  double start_delay{1.5};
+  double green_margin{-3.0};
 };
 
 /// Signals that adapt to the shared positions.
@@ -54,7 +54,8 @@ struct CoordinationParams {
           "vehicles of a lane pass a stop line this long after each other",
           "measured: 1.48 s behind an agents' queue");
     field("advice.start_delay", p.advice.start_delay, "s", Range{0, 5},
-          "the first one passes this long after green begins", "own choice: it arrives rolling");
+          "the first one passes this long after green begins",
+          "own choice: rolling, it need not brake before the line while that is red");
     field("advice.green_margin", p.advice.green_margin, "s", Range{-3, 5},
           "and the last one this long before it ends; negative: into the yellow",
           "own choice: who is told to wait for the next green loses a cycle if it could have passed");

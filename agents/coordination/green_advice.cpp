@@ -47,6 +47,21 @@ std::optional<double> PassingTime(const AdviceParams& params, const SignalTiming
   return std::nullopt;
 }
 
+PassingTimes PassesAround(std::span<const ExpectedPass> expected, StationId ego, LaneIndex to_line,
+                          LaneIndex on, double distance) {
+  PassingTimes times;
+  for (const ExpectedPass& other : expected) {
+    const double time = other.time;
+    if (other.vehicle == ego) continue;
+    if (other.distance >= distance) {
+      if (other.on == on) times.behind = std::min(times.behind, time);
+    } else if (other.lane == to_line) {
+      times.ahead = std::max(times.ahead, time);
+    }
+  }
+  return times;
+}
+
 double TimeToReach(double distance, double speed, double limit, double accel) {
   if (speed >= limit) return distance / std::max(speed, 0.1);
   const double while_accelerating = (limit * limit - speed * speed) / (2.0 * accel);
@@ -76,13 +91,8 @@ Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingPa
   const Advice free{line->signal};
   const SignalMessage& message = roadside.MessageIn(*received);
   const double age = received->age, speed = traffic.now.speed[ego];
-  // Who was nearer to the line when the message was sent passes first.
-  const double distance_then = line->distance + speed * age;
-  double ahead = -1.0;
-  for (const ExpectedPass& other : message.expected) {
-    if (other.lane == line->lane && other.vehicle != traffic.number[ego] && other.distance < distance_then)
-      ahead = std::max(ahead, static_cast<double>(other.time));
-  }
+  const auto [ahead, behind] = PassesAround(message.expected, traffic.number[ego], line->lane,
+                                            traffic.now.lane[ego], line->distance + speed * age);
   if (line->distance < kLastAdvice) return free;
   const double limit = traffic.speed_limit[ego];
   const double reach = TimeToReach(line->distance, speed, limit, kExpectedAccel);
@@ -91,7 +101,9 @@ Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingPa
   // Who passes in the present green is held up by those ahead, not by the signal.
   const auto green = NextGreen(message.timing, line->link, age);
   if (green && green->begin <= age && *pass + params.green_margin < green->end) return free;
-  const double wanted = SpeedToArrive(line->distance, speed, *pass - age, params.decel);
+  // Those behind keep their turn, also where this one's comes later: bound for another line, it makes them
+  // wait only where the lanes have parted.
+  const double wanted = SpeedToArrive(line->distance, speed, std::min(*pass, behind) - age, params.decel);
   const double advised = std::clamp(wanted, std::min(params.min_speed, limit), limit);
   return {line->signal, advised, std::max(advised, speed - params.decel * driving.response_time)};
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 
 #include "agents/agent_params.h"
 #include "agents/coordination/coordination_params.h"
@@ -16,6 +17,15 @@ namespace lanewise {
 /// delay after a green that begins. @return nothing if no green is in sight.
 std::optional<double> PassingTime(const AdviceParams& params, const SignalTiming& timing, std::int32_t link,
                                   double reach, double ahead);
+
+/// [s] when others pass the signal: the last one ahead on the lane to the line (negative: none), and the
+/// first one behind on the present lane, whatever line it is bound for.
+struct PassingTimes {
+  double ahead{-1.0}, behind{1e9};
+};
+/// @param to_line lane that leads to the line of `ego`; `on` the one it is on; `distance` [m] to the line.
+PassingTimes PassesAround(std::span<const ExpectedPass> expected, StationId ego, LaneIndex to_line,
+                          LaneIndex on, double distance);
 
 /// [s] until a vehicle at `speed` has come `distance` [m] further, speeding up at `accel` to `limit`.
 double TimeToReach(double distance, double speed, double limit, double accel);

@@ -58,7 +58,7 @@ void Roadside::Foresee(std::int32_t signal, const Channel& channel, SignalMessag
   channel.ForEachKnown(units_[signal], [&](const Received& received) {
     const auto line = StopLineOf(network_, *received.message);
     if (!line || line->signal != signal || line->distance > params_.advice.range) return;
-    known_.push_back({*line, received.message->sender, received.message->speed});
+    known_.push_back({*line, received.message->lane, received.message->sender, received.message->speed});
     double& distance = known_.back().line.distance;
     distance = std::max(0.0, distance - received.message->speed * received.age);
   });
@@ -79,7 +79,7 @@ void Roadside::Foresee(std::int32_t signal, const Channel& channel, SignalMessag
     if (!pass) continue;
     ahead = *pass;
     message->expected.push_back(
-        {lane, static_cast<float>(known.line.distance), static_cast<float>(ahead), known.vehicle});
+        {lane, known.on, static_cast<float>(known.line.distance), static_cast<float>(ahead), known.vehicle});
   }
 }
 

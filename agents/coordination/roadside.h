@@ -26,9 +26,10 @@ std::optional<StopLine> StopLineOf(const RoadNetwork& network, const Message& me
 
 /// When a vehicle the unit knows of will pass its stop line.
 struct ExpectedPass {
-  LaneIndex lane{kNone};
-  float distance{0.0f};  ///< [m] to the stop line, when the message was sent.
-  float time{0.0f};      ///< [s] after that.
+  LaneIndex lane{kNone};  ///< That leads to the line.
+  LaneIndex on{kNone};    ///< Where it is.
+  float distance{0.0f};   ///< [m] to the stop line, when the message was sent.
+  float time{0.0f};       ///< [s] after that.
   StationId vehicle{kNone};
 };
 
@@ -58,6 +59,7 @@ class Roadside {
  private:
   struct Known {
     StopLine line;
+    LaneIndex on;
     StationId vehicle;
     double speed;  // [m/s]
   };

@@ -193,24 +193,56 @@
       }, true);
   } else chart('map', 'Where: conflicts on the network', '', [], () => null);
 
+  /** A metric over x(run): a small point for each run, a line through the means of the labels of one kind; those of kind '' are on every line. */
+  function against(runs, info, xName, x, kind) {
+    const groups = new Map();
+    for (const r of runs) {
+      if (!groups.has(r.label)) groups.set(r.label, {kind: kind(r), runs: []});
+      groups.get(r.label).runs.push(r);
+    }
+    const kinds = [...new Set([...groups.values()].map((g) => g.kind))].filter((k) => k !== '');
+    const lines = (kinds.length ? kinds : ['']).map((name) => ({name: name || 'no agents', type: 'line', symbolSize: 9,
+      data: [...groups.values()].filter((g) => g.kind === name || g.kind === '').map((g) => [mean(g.runs.map(x)), mean(g.runs.map((r) => r.metrics[info.name]))]).sort((a, b) => a[0] - b[0])}));
+    return {grid, legend, color: palette.slice(1), xAxis: axis(`${xName} [%]`, {min: 0, max: 100}), yAxis: axis(info.label, {nameGap: 60, scale: true}),
+      tooltip: {trigger: 'item', formatter: (p) => (p.data.run ? `run ${p.data.run.run_id}, seed ${p.data.run.seed}<br>${escape(p.data.run.label)}` : escape(p.seriesName)) + `<br>${format(p.value[0], 3)} % ${p.data.run ? '' : 'mean '}<br><b>${format(p.value[1])}</b>`},
+      series: [{type: 'scatter', symbolSize: 6, itemStyle: {color: '#5b6b7b', opacity: 0.5}, data: runs.map((r) => ({value: [x(r), r.metrics[info.name]], run: r}))}, ...lines]};
+  }
+
   // Metric against penetration.
   chart('penetration', 'Metric against penetration', 'Share of vehicles under an agent policy as realised, not as asked for. Small: a run; line: means of the runs of one label, the native ones included.', [['scenario', scenarios], ['metric', metrics]], ([si, name]) => {
     const s = data.comparison.scenarios[si], info = data.metrics.find((m) => m.name === name);
     const runs = data.runs.filter((r) => r.scenario === s.scenario && r.used && r.metrics[name] != null);
     if (!runs.length) return null;
-    // Runs of one label are one point of a line; lines are told apart by who drives and by parameters.
-    const groups = new Map();
-    for (const r of runs) {
-      if (!groups.has(r.label)) groups.set(r.label, {kind: r.shares.filter(([p]) => p !== 'sumo').map(([p]) => p).sort().join('+') + (r.label.match(/ \[.*/) || [''])[0], runs: []});
-      groups.get(r.label).runs.push(r);
-    }
-    const kinds = [...new Set([...groups.values()].map((g) => g.kind))].filter((k) => k !== '');
-    const lines = (kinds.length ? kinds : ['']).map((kind) => ({name: kind || 'no agents', type: 'line', symbolSize: 9,
-      data: [...groups.values()].filter((g) => g.kind === kind || g.kind === '').map((g) => [100 * mean(g.runs.map((r) => r.agent_share)), mean(g.runs.map((r) => r.metrics[name]))]).sort((a, b) => a[0] - b[0])}));
-    return {grid, legend, color: palette.slice(1), xAxis: axis('share of agents [%]', {min: 0, max: 100}), yAxis: axis(info.label, {nameGap: 60, scale: true}),
-      tooltip: {trigger: 'item', formatter: (p) => p.data.run ? `run ${p.data.run.run_id}, seed ${p.data.run.seed}<br>${format(p.value[0], 3)} % agents<br><b>${format(p.value[1])}</b>` : `${escape(p.seriesName)}<br>${format(p.value[0], 3)} % agents<br>mean <b>${format(p.value[1])}</b>`},
-      series: [{type: 'scatter', symbolSize: 6, itemStyle: {color: '#5b6b7b', opacity: 0.5}, data: runs.map((r) => ({value: [100 * r.agent_share, r.metrics[name]], run: r}))}, ...lines]};
+    // Lines are told apart by who drives and by parameters.
+    return against(runs, info, 'share of agents', (r) => 100 * r.agent_share,
+      (r) => r.shares.filter(([p]) => p !== 'sumo').map(([p]) => p).sort().join('+') + (r.label.match(/ \[.*/) || [''])[0]);
   });
+
+  // What went over the radio, if anything did.
+  const radio = data.radio.filter((r) => r.points.length);
+  if (radio.length) {
+    const measures = [['delivered', 'messages delivered, of those at receivers in range'], ['age', 'age of information [s]'], ['busy', 'channel busy ratio'], ['sent', 'messages a second and station']];
+    chart('radio', 'What went over the radio', 'By interval of time; means over the runs of a label. The channel busy ratio is known where the channel’s load is modelled.',
+      [['scenario', scenarios], ['measure', measures]], ([si, measure]) => {
+        const sets = radio.filter((r) => r.scenario === data.comparison.scenarios[si].scenario).map((r) => {
+          const values = new Map();
+          for (const p of r.points.filter((p) => p[measure] != null)) values.set(p.time, (values.get(p.time) || []).concat(p[measure]));
+          return {label: r.label, data: [...values].map(([time, all]) => [time, mean(all)])};
+        }).filter((s) => s.data.length);
+        if (!sets.length) return null;
+        return {grid, legend, xAxis: axis('time [s]'), yAxis: axis(measures.find(([m]) => m === measure)[1], {nameGap: 55, min: 0}),
+          tooltip: {trigger: 'axis', axisPointer: {type: 'cross'}, valueFormatter: (v) => format(v, 3)},
+          series: sets.map((s) => ({name: s.label, type: 'line', symbolSize: 5, color: colour[s.label], data: s.data}))};
+      });
+    chart('radio-share', 'Metric against the share with a radio, by channel', 'Share of vehicles that carry a radio, as asked for (v2x.share). Small: a run; line: means of the runs of one label. A higher share contains the vehicles of a lower one.',
+      [['scenario', scenarios], ['metric', metrics]], ([si, name]) => {
+        const s = data.comparison.scenarios[si];
+        const runs = data.runs.filter((r) => r.scenario === s.scenario && r.used && r.radio_share != null && r.metrics[name] != null);
+        if (!runs.length) return null;
+        // The label less the share.
+        return against(runs, data.metrics.find((m) => m.name === name), 'share with a radio', (r) => 100 * r.radio_share, (r) => r.label.replace(/v2x\.share=[^,\]]*(, )?/, '').replace(' []', ''));
+      });
+  }
 
   // Provenance.
   const columns = [['run', 'run_id'], ['file', 'file'], ['started (UTC)', 'started_at'], ['status', 'status'], ['scenario', 'scenario'], ['label', 'label'], ['seed', 'seed'], ['inserted', 'inserted'], ['arrived', 'arrived'],

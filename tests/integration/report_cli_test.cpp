@@ -6,6 +6,8 @@
 
 #include <cstdlib>
 #include <regex>
+#include <string>
+#include <vector>
 
 #include "analysis/results_file.h"
 #include "tests/support/child_process.h"
@@ -17,15 +19,23 @@ namespace fs = std::filesystem;
 
 #define EXPECT_CONTAINS(text, part) EXPECT_NE(std::string(text).find(part), std::string::npos) << (text)
 
+bool HasChromium() {
+  return std::system("chromium --version >/dev/null 2>&1") == 0;
+}
+
 class ReportCli : public testing::Test {
  protected:
-  void Record(const std::string& policy, const std::string& seed) const {
-    ChildProcess run({"run", "--scenario", "town", "--policy", policy, "--seed", seed, "--end", "90", "-q",
-                      "--results", Results()});
+  void Record(const std::string& policy, const std::string& seed,
+              const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> words{"run", "--scenario", "town", "--policy", policy,      "--seed",
+                                   seed,  "--end",      "90",   "-q",       "--results", Results()};
+    words.insert(words.end(), more.begin(), more.end());
+    ChildProcess run(words);
     ASSERT_EQ(run.Wait(), 0) << run.Errors();
   }
   std::string Results() const { return (folder_ / "town.sqlite").string(); }
   std::string Page() const { return (folder_ / "report.html").string(); }
+  std::string Draw(const std::string& page) const;
   TemporaryFolder folder_;
 };
 
@@ -52,6 +62,27 @@ window.addEventListener('load', () => setTimeout(async () => {
 }, 300));
 </script>)js";
 
+/// Draws a page in headless Chromium, which must not complain. @return what its charts answered to the mouse.
+std::string ReportCli::Draw(const std::string& page) const {
+  std::string watched = page;
+  watched.insert(watched.rfind("</body>"), kMouse);
+  const fs::path html = folder_.Write("watched.html", watched);
+  const std::string command = "HOME=" + folder_.path().string() +
+                              " timeout 50 chromium --headless --no-sandbox --disable-gpu "
+                              "--disable-dev-shm-usage --enable-logging=stderr "
+                              "--window-size=1240,6000 --virtual-time-budget=8000 --user-data-dir=" +
+                              (folder_ / "profile").string() + " --dump-dom file://" + html.string() + " >" +
+                              (folder_ / "dom").string() + " 2>" + (folder_ / "log").string();
+  EXPECT_EQ(std::system(command.c_str()), 0) << ReadFile(folder_ / "log");
+  const std::string log = ReadFile(folder_ / "log");
+  EXPECT_EQ(log.find("CONSOLE"), std::string::npos) << log;
+  const std::string dom = ReadFile(folder_ / "dom");
+  std::smatch said;
+  const std::string head = dom.substr(0, 2000);
+  EXPECT_TRUE(std::regex_search(head, said, std::regex("data-said=\"([^\"]*)\""))) << head;
+  return said[1].str();
+}
+
 TEST_F(ReportCli, ChromiumDrawsItAndChartsAnswerToTheMouse) {
   Record("sumo", "1");
   Record("dwa", "1");
@@ -63,27 +94,28 @@ TEST_F(ReportCli, ChromiumDrawsItAndChartsAnswerToTheMouse) {
   EXPECT_LT(page.size(), 15'000'000u);
   // Nothing is loaded from elsewhere: no source, style sheet or import.
   EXPECT_FALSE(std::regex_search(page.substr(0, 4000), std::regex("(src|href)=|@import|url\\(")));
-  if (std::system("chromium --version >/dev/null 2>&1") != 0)
-    GTEST_SKIP() << "no chromium (Debian's chromium)";
-  std::string watched = page;
-  watched.insert(watched.rfind("</body>"), kMouse);
-  const fs::path html = folder_.Write("watched.html", watched);
-  const std::string command = "HOME=" + folder_.path().string() +
-                              " timeout 50 chromium --headless --no-sandbox --disable-gpu "
-                              "--disable-dev-shm-usage --enable-logging=stderr "
-                              "--window-size=1240,6000 --virtual-time-budget=8000 --user-data-dir=" +
-                              (folder_ / "profile").string() + " --dump-dom file://" + html.string() + " >" +
-                              (folder_ / "dom").string() + " 2>" + (folder_ / "log").string();
-  ASSERT_EQ(std::system(command.c_str()), 0) << ReadFile(folder_ / "log");
-  const std::string log = ReadFile(folder_ / "log");
-  EXPECT_EQ(log.find("CONSOLE"), std::string::npos) << log;
-  const std::string dom = ReadFile(folder_ / "dom");
-  std::smatch said;
-  const std::string head = dom.substr(0, 2000);
-  ASSERT_TRUE(std::regex_search(head, said, std::regex("data-said=\"([^\"]*)\""))) << head;
+  if (!HasChromium()) GTEST_SKIP() << "no chromium (Debian's chromium)";
+  const std::string said = Draw(page);
   for (const char* chart :
        {"shares", "metric", "time-space", "flow-density", "cdf", "comfort", "map", "penetration"})
-    EXPECT_CONTAINS(said[1].str(), std::string(chart) + "=tip");
+    EXPECT_CONTAINS(said, std::string(chart) + "=tip");
+  EXPECT_EQ(said.find("radio"), std::string::npos) << said;  // Nobody carried one.
+}
+
+TEST_F(ReportCli, WhatWentOverTheRadioIsDrawn) {
+  for (const char* level : {"range", "loaded"}) {
+    for (const char* share : {"0.5", "1"})
+      Record("dwa", "1",
+             {"--v2x", level, "--set", std::string("v2x.share=") + share, "--coordinate", "green-advice"});
+  }
+  ChildProcess child({"report", Results(), "-o", Page()});
+  ASSERT_EQ(child.Wait(), 0) << child.Errors();
+  const std::string page = ReadFile(Page());
+  EXPECT_CONTAINS(page, "\"radio_share\":0.5");
+  if (!HasChromium()) GTEST_SKIP() << "no chromium (Debian's chromium)";
+  const std::string said = Draw(page);
+  EXPECT_CONTAINS(said, "radio=tip");
+  EXPECT_CONTAINS(said, "radio-share=tip");
 }
 
 TEST_F(ReportCli, OnePolicyIsMarkedPartial) {

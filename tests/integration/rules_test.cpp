@@ -59,6 +59,31 @@ TEST(OwnRules, NobodyRunsARedLightInTheTownAndCarsDoNotTouch) {
             0.0);
 }
 
+// Of two that come to a red light one does not care: a native vehicle told so.
+TEST(OwnRules, WhoRunsARedLightIsInTheResults) {
+  const TemporaryFolder folder;
+  const auto routes = folder.Write("red.rou.xml", R"(<routes>
+      <vType id="reckless" jmDriveAfterRedTime="1000"><param key="lanewise.policy" value="sumo"/></vType>
+      <vType id="careful"/>
+      <vehicle id="a" type="reckless" depart="0" departSpeed="max"><route edges="N1_J1 J1_S1"/></vehicle>
+      <vehicle id="b" type="careful" depart="0" departSpeed="max"><route edges="S1_J1 J1_N1"/></vehicle>
+      </routes>)");
+  RunConfig config = OwnDemand("arterial", routes, Policy::kDwa, 150.0);
+  config.rules = Rules::kAgent;
+  config.results = folder / "red.sqlite";
+  const RunReport report = RunResolved(config);
+  EXPECT_EQ(report.outcome.arrived, 2);
+  EXPECT_EQ(Count(report, RuleEventKind::kRedLight), 1);
+  EXPECT_EQ(
+      Query(*config.results,
+            "SELECT COUNT(*) FROM rule_event JOIN vehicle USING (run_id, vehicle_number) JOIN lane USING "
+            "(run_id, lane) WHERE kind = 'red_light' AND vehicle_id = 'a' AND lane_id = 'N1_J1_0'"),
+      1.0);
+  EXPECT_EQ(Query(*config.results, "SELECT red_lights_run FROM v_run_metrics"), 1.0);
+  EXPECT_EQ(Query(*config.results, "SELECT red_lights_run FROM v_run_summary"), 1.0);
+  EXPECT_EQ(Query(*config.results, "SELECT COUNT(*) FROM rule_event"), 1.0);
+}
+
 // Half of the vehicles are SUMO's: each kind gives the other its right of way.
 TEST(OwnRules, AgentsAndNativeVehiclesRespectEachOther) {
   const TemporaryFolder folder;

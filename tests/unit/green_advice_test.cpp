@@ -99,6 +99,24 @@ TEST(GreenAdvice, ALinkThatIsNeverGreenHasNoPassingTime) {
   EXPECT_FALSE(PassingTime(TwoSeconds(), {true, {{2.5, "G"}, {3.0, "y"}}, 1, 1.0}, 0, 0.5, -1.0));
 }
 
+TEST(GreenAdvice, WhoIsAheadAndWhoIsBehind) {
+  constexpr LaneIndex kStraight = 1, kLeft = 2, kRoad = 5, kBeside = 6;
+  const ExpectedPass expected[] = {
+      {kStraight, kStraight, 20.0f, 10.0f, 1}, {kStraight, kRoad, 120.0f, 14.0f, 2},
+      {kLeft, kRoad, 150.0f, 60.0f, 3},        {kStraight, kBeside, 180.0f, 18.0f, 4},
+      {kStraight, kRoad, 200.0f, 20.0f, 5},    {kLeft, kRoad, 220.0f, 62.0f, 6}};
+  // The one that turns left: nobody ahead to its line, a straight one behind that passes at 20 s.
+  PassingTimes times = PassesAround(expected, 3, kLeft, kRoad, 150.0);
+  EXPECT_LT(times.ahead, 0.0);
+  EXPECT_DOUBLE_EQ(times.behind, 20.0);
+  times = PassesAround(expected, 5, kStraight, kRoad, 200.0);
+  EXPECT_DOUBLE_EQ(times.ahead, 18.0);
+  EXPECT_DOUBLE_EQ(times.behind, 62.0);
+  times = PassesAround(expected, 6, kLeft, kRoad, 220.0);
+  EXPECT_DOUBLE_EQ(times.ahead, 60.0);
+  EXPECT_GT(times.behind, 1e6);  // Nobody.
+}
+
 TEST(GreenAdvice, TimeToReachByHand) {
   EXPECT_DOUBLE_EQ(TimeToReach(100.0, 10.0, 10.0, 2.0), 10.0);
   // From 0 at 2 m/s^2 to 10 m/s: 5 s and 25 m; the other 75 m in 7.5 s.

@@ -115,6 +115,9 @@ void WriteSmallRun(const fs::path& path, const std::string& policy) {
   mild.near_miss = false;
   mild.number = 1;
   writer.Add<Encounter>({near_miss, mild});
+  writer.Add<RuleEventRow>({{12.5, 0, RuleEventKind::kRedLight, 3},
+                            {20.0, 0, RuleEventKind::kForcedEntry, 3},
+                            {310.0, 1, RuleEventKind::kStandstill, kNone}});
   writer.Add<StepSummaryRow>({{.time = 1.0, .running = 0}});
   writer.Add(Samples(1000));
   RunOutcome outcome;
@@ -146,12 +149,19 @@ TEST_F(ResultsFileTest, StoresARunAndSumsItUp) {
   EXPECT_EQ(run.collisions_in_junctions, 1);
   EXPECT_EQ(run.near_misses, 1);
   EXPECT_EQ(run.min_ttc, 1.2);
+  EXPECT_EQ(run.red_lights_run, 1);
+  EXPECT_EQ(run.standstills, 1);
   EXPECT_EQ(run.trajectory_rows, 1000);
   EXPECT_EQ(run.state_hash, "0000000000abcdef");
   EXPECT_EQ(Value(path_, "SELECT vehicle_id FROM vehicle WHERE vehicle_number = 1"), "b's");
   EXPECT_EQ(Value(path_, "SELECT lane_id FROM lane WHERE lane = 3"), "e0_0");
   EXPECT_EQ(Value(path_, "SELECT max_speed_error_mps FROM audit WHERE cause = 'speed'"), "0.25");
   EXPECT_EQ(Value(path_, "SELECT COUNT(*) FROM policy_share"), "2");
+  EXPECT_EQ(
+      Value(
+          path_,
+          "SELECT vehicle_number || ' ' || lane FROM rule_event WHERE kind = 'red_light' AND time_s = 12.5"),
+      "0 3");
   EXPECT_EQ(Value(path_, "SELECT x_m FROM trajectory WHERE vehicle_number = 3 AND time_s = 0.0"), "3.75");
 }
 
@@ -165,6 +175,7 @@ TEST_F(ResultsFileTest, StoresTheUndefinedAsNull) {
   EXPECT_EQ(Value(path_, "SELECT struck_vehicle FROM collision WHERE collision_id = 1"), "1");
   EXPECT_EQ(Value(path_, "SELECT first_lane FROM collision WHERE collision_id = 1"), "NULL");
   EXPECT_EQ(Value(path_, "SELECT mean_speed_mps FROM step_summary"), "NULL");
+  EXPECT_EQ(Value(path_, "SELECT lane FROM rule_event WHERE kind = 'standstill'"), "NULL");
   EXPECT_EQ(Value(path_, "SELECT max_position_error_m FROM audit WHERE cause = 'speed'"), "NULL");
   EXPECT_EQ(Value(path_, "SELECT COUNT(*) FROM trajectory WHERE lane IS NULL AND lane_pos_m IS NULL"), "500");
 }
@@ -201,7 +212,7 @@ TEST_F(ResultsFileTest, FormatsInfoAndComparison) {
   { RunWriter(ResultsFile::Open(path_, Mode::kAppend), Info("sumo")); }
   const std::vector<RunSummary> runs = LoadRunSummaries(path_);
   const std::string info = FormatInfo(path_, runs);
-  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 5, 2 runs");
+  EXPECT_CONTAINS(info, "results.sqlite: Lanewise results, schema 6, 2 runs");
   EXPECT_CONTAINS(info, "0000000000abcdef");
   EXPECT_EQ(FormatComparison(runs),
             "policy                                    dwa    sumo\n"
@@ -279,7 +290,7 @@ TEST_F(ResultsFileTest, RefusesANewerSchema) {
   SQLite::Database(path_.string(), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 7");
   EXPECT_CONTAINS(
       RefusalOf(path_, Mode::kRead),
-      "it has schema version 7; this Lanewise reads and writes version 5, so a newer one wrote it");
+      "it has schema version 7; this Lanewise reads and writes version 6, so a newer one wrote it");
 }
 
 TEST_F(ResultsFileTest, RefusesFoldersAndWhatIsMissing) {
