@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -9,6 +10,7 @@
 
 #include "agents/agent_pipeline.h"
 #include "agents/coordination/dispatcher.h"
+#include "agents/coordination/junction_slots.h"
 #include "agents/coordination/roadside.h"
 #include "agents/coordination/signal_adaptation.h"
 #include "analysis/coordination_event.h"
@@ -19,11 +21,12 @@ namespace lanewise {
 
 /// What is coordinated over the roadside units; each on its own.
 struct CoordinationSwitches {
-  bool green_advice{false}, signals{false}, dispatch{false};
-  bool any() const { return green_advice || signals || dispatch; }
+  bool green_advice{false}, signals{false}, dispatch{false}, slots{false};
+  std::vector<std::string> slot_junctions;  // With coordinators; empty: all that can have one.
+  bool any() const { return green_advice || signals || dispatch || slots; }
 };
 
-/// --coordinate: names separated by commas, or `none`. @throws ConfigError naming what is allowed.
+/// --coordinate: names separated by commas, or `none`; `slots` may name junctions: slots:A:B. @throws ConfigError naming what is allowed.
 CoordinationSwitches ParseCoordination(std::string_view list);
 std::string CoordinationText(const CoordinationSwitches& switches);
 
@@ -36,6 +39,7 @@ void CheckSignals(const RoadNetwork& network, const SignalParams& params, double
 /// the bridges to SUMO and the agents.
 class Coordination {
  public:
+  /// @throws ConfigError naming a junction that cannot have a coordinator.
   Coordination(const RoadNetwork& network, const CoordinationParams& params,
                const CoordinationSwitches& switches, std::uint64_t seed, AgentPipeline* pipeline);
 
@@ -55,6 +59,7 @@ class Coordination {
     bool stopped{false};
   };
 
+  void InstallSlots(const SlotParams& params, AgentPipeline* pipeline);
   void AdaptSignals(double time);
   void Dispatch(double time, Traffic* traffic, VehicleBridge* bridge);
   void Note(double time, CoordinationKind kind, std::int32_t vehicle, std::int32_t signal, double value);
@@ -67,6 +72,7 @@ class Coordination {
   Roadside roadside_;
   SignalAdaptation adaptation_;
   Dispatcher dispatcher_;
+  std::unique_ptr<JunctionSlots> slots_;  // Null: no coordinators of junctions.
   std::vector<std::uint8_t> may_hold_;                 // By row.
   std::unordered_map<std::int32_t, Advised> advised_;  // By vehicle number.
   std::vector<CoordinationEvent> events_;

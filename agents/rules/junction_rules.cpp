@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/coordination/junction_slots.h"
 #include "agents/planning/car_following.h"
 
 namespace lanewise {
@@ -60,6 +61,13 @@ struct Window {
 
 double ExtraWidth(const Traffic& traffic, AgentIndex row) {
   return std::max(0.0, 0.5 * traffic.params[row].width - kHalfWidth);
+}
+
+/// [s] until the ego's slot, which it has.
+double SlotTime(const JunctionSlots& slots, const World& world, const Approach& own, const JunctionLink& link) {
+  const StationId vehicle = world.traffic->number[own.row];
+  const HeardSlots heard = *slots.Heard(*world.channel, vehicle, link.connection);
+  return heard.slots[static_cast<std::size_t>(heard.TurnOf(vehicle, link.connection))].time - heard.age;
 }
 
 }  // namespace
@@ -302,6 +310,21 @@ double JunctionRules::TimeTo(const World& world, const Approach& approach, doubl
   return time + TimeToCover(inside, at_line, through, accel);
 }
 
+/// Of two with a slot at the same junction, does the first one's come earlier, as it has heard?
+std::optional<bool> JunctionRules::IsOwnTurn(const World& world, const Approach& own,
+                                             const Approach& other) const {
+  if (slots_ == nullptr || other.person) return std::nullopt;
+  const Traffic& traffic = *world.traffic;
+  const std::int32_t connection = map_.links()[own.link].connection;
+  const auto heard = slots_->Heard(*world.channel, traffic.number[own.row], connection);
+  if (!heard) return std::nullopt;
+  const std::int32_t mine = heard->TurnOf(traffic.number[own.row], connection);
+  const std::int32_t its =
+      heard->TurnOf(traffic.number[other.row], map_.links()[other.link].connection);
+  if (mine == kNone || its == kNone) return std::nullopt;
+  return mine < its;
+}
+
 /// Has `own`, ahead of a conflict area, to let `other` go first?
 bool JunctionRules::GivesWay(const World& world, const Approach& own, const ConflictArea& area,
                              const Approach& other, char state, int forced, bool* hard) const {
@@ -340,6 +363,12 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
     if (closing > 0.0) margin += closing * closing / (2.0 * kBendDecel * std::max(1.0, its_speed));
   }
   double its_arrival = TimeTo(world, other, foe_begin, 1.0);
+  const std::optional<bool> turn = IsOwnTurn(world, own, other);
+  if (turn && *turn) {
+    // The other makes room by its speed: what counts is how it moves now.
+    its_arrival = std::max(its_arrival, (foe_begin - q) / std::max(its_speed, 0.1));
+    margin = std::min(margin, slots_->params().margin);
+  }
   if (impatience > 0.0 && !other.person && !its_bound) {
     // The longer the ego has waited, the more it counts on the other to brake gently.
     const double braked = TimeToCoverBraking(foe_begin - q, its_speed, impatience * kImposedDecel);
@@ -355,7 +384,8 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   } else if (other.going || its_speed > 0.5) {
     its_leaving = TimeTo(world, other, foe_end + its_length, 0.6) + 0.5;
   }
-  const double arrival = TimeTo(world, own, begin, 1.0);
+  double arrival = TimeTo(world, own, begin, 1.0);
+  if (turn && !*turn) arrival = std::max(arrival, SlotTime(*slots_, world, own, link) + begin / link.speed);
   if (!area.merges && arrival > its_leaving + kBehindGap) return false;
 
   if (inside) {
@@ -371,8 +401,9 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
     return its_arrival != arrival ? its_arrival < arrival
                                   : traffic.number[other.row] < traffic.number[own.row];
   }
-  // Neither is: the right of way decides.
+  // Neither is: the turns decide, and the right of way.
   if (forced > 0) return false;
+  if (turn && !*turn) return true;
   // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both
   // start.
   if (!other.going && !WaitsFor(world, other.row, own.row)) return false;
@@ -539,6 +570,12 @@ RuleAnswer JunctionRules::Decide(const World& world, AgentIndex ego, const WayAh
       const bool halted = before > 0.0f || (speed < kStanding && own.distance < kHaltZone);
       answer.state.at_line = halted ? before + static_cast<float>(dt) : 0.0f;
       first = false;
+    }
+    if (slots_ != nullptr && own.distance > 0.0f) {
+      if (const auto approach =
+              slots_->ApproachSpeed(*world.channel, traffic.number[ego], link.connection, own.distance))
+        answer.speed_cap =
+            std::min(answer.speed_cap, std::max(*approach, speed - comfort * params_.driving.response_time));
     }
     if (own.distance > reach) break;
     if (forced < 0) forced = Forced(world, ego);

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,8 @@
 #include "agents/traffic.h"
 
 namespace lanewise {
+
+class JunctionSlots;
 
 /// A road user on its way to a link, or on it.
 struct Approach {
@@ -50,6 +53,8 @@ class JunctionRules {
                     double dt) const;
 
   const JunctionMap& map() const { return map_; }
+  /// Has the agents keep to the turns these coordinators give them from now on.
+  void CoordinateBy(const JunctionSlots* slots) { slots_ = slots; }
   /// Who approaches a link or is on it, the foremost first.
   std::span<const Approach> On(std::int32_t link) const {
     return {by_link_.data() + link_start_[link], by_link_.data() + link_start_[link + 1]};
@@ -81,6 +86,7 @@ class JunctionRules {
   bool GivesWay(const World& world, const Approach& own, const ConflictArea& area, const Approach& other,
                 char state, int forced, bool* hard) const;
   int Forced(const World& world, AgentIndex ego) const;
+  std::optional<bool> IsOwnTurn(const World& world, const Approach& own, const Approach& other) const;
   bool WaitsFor(const World& world, AgentIndex row, AgentIndex whom) const;
   AgentIndex RowOf(std::int32_t number) const;
   double TimeTo(const World& world, const Approach& approach, double position, double accel_share) const;
@@ -88,6 +94,7 @@ class JunctionRules {
   const RoadNetwork& network_;
   AgentParams params_;
   JunctionMap map_;
+  const JunctionSlots* slots_{nullptr};  // Null: no coordinators.
   std::vector<Approach> own_;       // By row, kMaxLinks each.
   std::vector<std::int8_t> count_;  // By row.
   std::vector<Approach> by_link_;

@@ -38,6 +38,7 @@ struct Job {
   WorkerFiles files;
   std::unique_ptr<Worker> worker;
   bool hung{false};
+  double wall_time{0.0};  // [s] From start to end.
 };
 
 class Runner {
@@ -63,20 +64,12 @@ class Runner {
     const double own_before = OwnCpuTime();
     try {
       while (!Interrupted()) {
-        while (static_cast<int>(jobs_.size()) < params_.jobs && !Interrupted() && StartNext()) {
-        }
+        FillSlots();
         if (jobs_.empty()) break;
         WaitForNews();
-        for (auto job = jobs_.begin(); job != jobs_.end();) {
-          const bool alive = job->worker->Read();
-          if (alive) CheckHang(&*job);
-          if (alive) {
-            ++job;
-            continue;
-          }
-          End(&*job);
-          job = jobs_.erase(job);
-        }
+        SetEndedAside();
+        if (!ended_.empty()) FillSlots();  // No core waits while results are copied.
+        for (; !ended_.empty(); ended_.pop_front()) End(&ended_.front());
         Show(false);
       }
     } catch (...) {
@@ -92,6 +85,24 @@ class Runner {
   }
 
  private:
+  void FillSlots() {
+    while (static_cast<int>(jobs_.size()) < params_.jobs && !Interrupted() && StartNext()) {
+    }
+  }
+
+  void SetEndedAside() {
+    for (auto job = jobs_.begin(); job != jobs_.end();) {
+      const auto next = std::next(job);
+      if (job->worker->Read()) {
+        CheckHang(&*job);
+      } else {
+        job->wall_time = job->worker->elapsed();
+        ended_.splice(ended_.end(), jobs_, job);
+      }
+      job = next;
+    }
+  }
+
   bool StartNext() {
     auto claimed = study_.Claim();
     if (!claimed) return false;
@@ -118,7 +129,7 @@ class Runner {
   }
 
   void End(Job* job) {
-    const double wall_time = job->worker->elapsed();
+    const double wall_time = job->wall_time;
     const int code = job->worker->Wait();
     report_.worker_time += wall_time;
     report_.worker_cpu_time += job->worker->cpu_time();
@@ -162,6 +173,7 @@ class Runner {
 
   /// Ends what is under way; it will be run again.
   void Abandon() {
+    jobs_.splice(jobs_.end(), ended_);
     for (Job& job : jobs_) job.worker->Kill(SIGKILL);
     for (Job& job : jobs_) {
       job.worker->Wait();
@@ -229,7 +241,8 @@ class Runner {
   RunnerParams params_;
   StudyFile& study_;
   fs::path folder_;
-  std::list<Job> jobs_;
+  std::list<Job> jobs_;   // Under way.
+  std::list<Job> ended_;  // Their results are not in the study file yet.
   StudyCounts counts_;
   RunnerReport report_;
   double work_done_{0.0};  // [s] of the runs that finished.

@@ -164,6 +164,51 @@ TEST(Coordination, TheDispatcherHoldsAndReroutes) {
       0.0);
 }
 
+RunConfig WithSlots(const std::string& what, double scale) {
+  RunConfig config = Coordinated("priority_crossing", what, 300.0);
+  config.rules = Rules::kAgent;
+  config.sumo_options = {"--scale", fmt::format("{}", scale)};
+  return config;
+}
+
+// Half as much again as its demand: the minor road waits for gaps that slots make.
+TEST(Coordination, SlotsHalveTheDelayOfTheCrossing) {
+  const TemporaryFolder folder;
+  RunConfig config = WithSlots("none", 1.5);
+  config.results = folder / "slots.sqlite";
+  RunResolved(config);
+  config.coordinate = ParseCoordination("slots");
+  EXPECT_EQ(MidBlock(RunResolved(config)).different, 0);
+  const std::string loss = "SELECT AVG(time_loss_s) FROM trip WHERE trip_end = 'arrived' AND run_id = ";
+  EXPECT_LT(Query(*config.results, loss + "2"), 0.5 * Query(*config.results, loss + "1"));
+  EXPECT_EQ(Query(*config.results, "SELECT COUNT(*) FROM collision"), 0.0);
+}
+
+TEST(Coordination, SlotsThatNobodyHearsChangeNothing) {
+  const std::uint64_t without = RunResolved(WithSlots("none", 1.0)).outcome.state_hash;
+  RunConfig deaf = WithSlots("slots", 1.0);
+  deaf.v2x = V2xLevel::kLossy;
+  deaf.params.v2x.loss = 1.0;
+  EXPECT_EQ(RunResolved(deaf).outcome.state_hash, without);
+}
+
+TEST(Coordination, JunctionsOfSlotsAreChecked) {
+  const auto message = [](RunConfig config) {
+    try {
+      RunResolved(std::move(config));
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(message(WithSlots("slots:nowhere", 1.0)).find("no junction 'nowhere'"), std::string::npos);
+  RunConfig signals = Coordinated("arterial", "slots:J3", 10.0);
+  signals.rules = Rules::kAgent;
+  EXPECT_NE(message(signals).find("junction 'J3' (traffic_light) has signals"), std::string::npos);
+  signals.rules = Rules::kSumo;
+  EXPECT_NE(message(signals).find("--rules agent"), std::string::npos);
+}
+
 TEST(Coordination, NamesAreChecked) {
   EXPECT_EQ(CoordinationText(ParseCoordination("none")), "none");
   EXPECT_EQ(CoordinationText(ParseCoordination("dispatch,green-advice")), "green-advice,dispatch");
