@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/coordination/junction_slots.h"
 #include "agents/coordination/signal_plan.h"
 #include "agents/core/check.h"
 
@@ -89,6 +90,8 @@ Coordination::Coordination(const RoadNetwork& network, const CoordinationParams&
   if (switches_.green_advice) pipeline->AdviseBy(&roadside_);
   if (switches_.slots) InstallSlots(params.slots, pipeline);
 }
+
+Coordination::~Coordination() = default;
 
 void Coordination::InstallSlots(const SlotParams& params, AgentPipeline* pipeline) {
   if (pipeline->rules() == nullptr)

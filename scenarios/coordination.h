@@ -10,7 +10,6 @@
 
 #include "agents/agent_pipeline.h"
 #include "agents/coordination/dispatcher.h"
-#include "agents/coordination/junction_slots.h"
 #include "agents/coordination/roadside.h"
 #include "agents/coordination/signal_adaptation.h"
 #include "analysis/coordination_event.h"
@@ -18,6 +17,8 @@
 #include "libsumo_bridge/vehicle_bridge.h"
 
 namespace lanewise {
+
+class JunctionSlots;
 
 /// What is coordinated over the roadside units; each on its own.
 struct CoordinationSwitches {
@@ -42,6 +43,7 @@ class Coordination {
   /// @throws ConfigError naming a junction that cannot have a coordinator.
   Coordination(const RoadNetwork& network, const CoordinationParams& params,
                const CoordinationSwitches& switches, std::uint64_t seed, AgentPipeline* pipeline);
+  ~Coordination();
 
   /// After what SUMO did has been read, before the agents decide.
   void Step(double time, double dt, Traffic* traffic, VehicleBridge* bridge);

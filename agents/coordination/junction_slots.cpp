@@ -12,6 +12,8 @@ namespace {
 
 constexpr double kSlotsBytes = 60.0, kSlotBytes = 12.0;  // [B] on the air.
 constexpr double kStandstillGap = 2.0;                   // [m] to whom one follows.
+constexpr double kNever = 1e9;                           // [s]
+constexpr double kBendDecel = 2.0;                       // [m/s^2] before a bend.
 constexpr double kLastPlace = 0.5;                       // [m] before the stop line; nearer is behind it.
 
 }  // namespace
@@ -78,35 +80,52 @@ std::optional<double> JunctionSlots::TimeBetween(const Request& first, const Req
   return least;
 }
 
-/// Who had a turn and is near keeps it; the others follow by when they could be there. In a lane, by place.
-void JunctionSlots::PutInOrder(const Unit& unit, std::vector<Request>* requests) const {
-  const std::int32_t none = static_cast<std::int32_t>(unit.slots.size());
-  const auto kept = [&](const Request& r) {
-    return r.before != kNone && r.earliest < params_.fixed_time ? r.before : none;
-  };
+/// Who had a turn keeps its place among those who had one: an order that is changed under way costs whoever
+/// has slowed down for it. The others are inserted one after the other, the nearest first, where the delays
+/// are least in sum; behind those of their lane, and behind whoever is near.
+void JunctionSlots::PutInOrder(std::vector<Request>* requests) const {
+  std::vector<Request> fresh, order;
   std::sort(requests->begin(), requests->end(), [&](const Request& a, const Request& b) {
-    return std::tuple(kept(a), a.earliest, a.vehicle) < std::tuple(kept(b), b.earliest, b.vehicle);
+    return std::tuple(a.before, a.distance, a.vehicle) < std::tuple(b.before, b.distance, b.vehicle);
   });
-  // Nobody overtakes before the junction: those ahead of it in its lane come before it.
-  std::vector<Request> ordered;
-  std::vector<bool> placed(requests->size(), false);
-  for (std::size_t k = 0; k < requests->size(); ++k) {
-    if (placed[k]) continue;
-    const LaneIndex lane = map_.links()[static_cast<std::size_t>((*requests)[k].link)].from;
-    std::vector<std::size_t> together{k};
-    for (std::size_t j = k + 1; j < requests->size(); ++j) {
-      if (!placed[j] && map_.links()[static_cast<std::size_t>((*requests)[j].link)].from == lane &&
-          (*requests)[j].distance < (*requests)[k].distance)
-        together.push_back(j);
+  for (const Request& r : *requests) (r.before == kNone ? fresh : order).push_back(r);
+  for (const Request& r : fresh) {
+    const LaneIndex lane = map_.links()[static_cast<std::size_t>(r.link)].from;
+    std::size_t from = 0, to = order.size();
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      const bool same_lane = map_.links()[static_cast<std::size_t>(order[k].link)].from == lane;
+      if (order[k].earliest < params_.fixed_time || (same_lane && order[k].distance < r.distance)) from = k + 1;
+      if (same_lane && order[k].distance > r.distance) to = std::min(to, k);
     }
-    std::sort(together.begin(), together.end(),
-              [&](std::size_t a, std::size_t b) { return (*requests)[a].distance < (*requests)[b].distance; });
-    for (const std::size_t j : together) {
-      placed[j] = true;
-      ordered.push_back((*requests)[j]);
+    from = std::min(from, to);
+    std::size_t best = to;
+    double least = kNever;
+    for (std::size_t place = from; place <= to; ++place) {
+      order.insert(order.begin() + static_cast<std::ptrdiff_t>(place), r);
+      const double delay = SumOfDelays(order);
+      order.erase(order.begin() + static_cast<std::ptrdiff_t>(place));
+      if (delay < least) {
+        least = delay;
+        best = place;
+      }
     }
+    order.insert(order.begin() + static_cast<std::ptrdiff_t>(best), r);
   }
-  *requests = std::move(ordered);
+  *requests = std::move(order);
+}
+
+double JunctionSlots::SumOfDelays(const std::vector<Request>& order) const {
+  std::vector<double> times;
+  double sum = 0.0;
+  for (const Request& r : order) {
+    double time = r.earliest;
+    for (std::size_t i = 0; i < times.size(); ++i) {
+      if (const auto between = TimeBetween(order[i], r)) time = std::max(time, times[i] + *between);
+    }
+    times.push_back(time);
+    sum += time - r.earliest;
+  }
+  return sum;
 }
 
 void JunctionSlots::Plan(const Channel& channel, Unit* unit) {
@@ -119,11 +138,13 @@ void JunctionSlots::Plan(const Channel& channel, Unit* unit) {
     if (link == kNone || unit_of_junction_[static_cast<std::size_t>(junction)] != unit - units_.data()) return;
     const double distance = message.link_distance - message.speed * received.age;
     if (distance < kLastPlace || distance > params_.range) return;
-    requests.push_back({message.sender, message.next_link, link, distance, message.speed, message.length,
-                        TimeToReach(distance, message.speed, Limit(message.next_link), kExpectedAccel),
+    const double limit = Limit(message.next_link), slower = limit - CrossingSpeed(message.next_link);
+    const double earliest = TimeToReach(distance, message.speed, limit, kExpectedAccel) +
+                            slower * slower / (2.0 * kBendDecel * limit);
+    requests.push_back({message.sender, message.next_link, link, distance, message.speed, message.length, earliest,
                         HeardSlots{unit->slots, 0.0}.TurnOf(message.sender, message.next_link)});
   });
-  PutInOrder(*unit, &requests);
+  PutInOrder(&requests);
   std::vector<Arrival> arrivals;
   std::vector<Separation> separations;
   for (std::size_t j = 0; j < requests.size(); ++j) {

@@ -30,7 +30,7 @@ struct HeardSlots {
 };
 
 /// Roadside coordinators of junctions without signals: each hears the vehicles that come, gives them turns
-/// (first come, first served, by when they could be there), plans their arrivals together (PlanArrivals) such
+/// (in an order with little delay in sum), plans their arrivals together (PlanArrivals) such
 /// that no two conflict, and tells them. Nobody is bound: who has heard its slot drives towards it, and takes
 /// a turn before one with the right of way only where that one's present motion leaves the gap.
 class JunctionSlots {
@@ -71,7 +71,8 @@ class JunctionSlots {
   std::optional<double> TimeBetween(const Request& first, const Request& second) const;
   double Limit(std::int32_t connection) const;  // [m/s] before the junction,
   double CrossingSpeed(std::int32_t connection) const;  // and through it.
-  void PutInOrder(const Unit& unit, std::vector<Request>* requests) const;
+  double SumOfDelays(const std::vector<Request>& order) const;
+  void PutInOrder(std::vector<Request>* requests) const;
 
   const RoadNetwork& network_;
   const JunctionMap& map_;

@@ -367,7 +367,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   if (turn && *turn) {
     // The other makes room by its speed: what counts is how it moves now.
     its_arrival = std::max(its_arrival, (foe_begin - q) / std::max(its_speed, 0.1));
-    margin = std::min(margin, slots_->params().margin);
+    margin = std::min(margin, 0.4 * slots_->params().margin);
   }
   if (impatience > 0.0 && !other.person && !its_bound) {
     // The longer the ego has waited, the more it counts on the other to brake gently.
