@@ -41,7 +41,7 @@ struct LaneChangeParams {
   double cooperation_decel{2.0};
   double queue_weight{0.02};
   double patience{10.0};
-  double max_detour{0.0};
+  double max_detour{300.0};
 };
 
 struct ControlParams {

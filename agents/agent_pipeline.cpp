@@ -27,6 +27,23 @@ constexpr double kSteersFrom = 0.5;
 /// A turn that begins and ends straight bends this much more in its middle than over a car's length.
 constexpr double kPeakOverMean = 1.4;
 
+/// [m] how far from the lane's centre a vehicle may go for a person, and from where it does.
+constexpr double kSwing = 1.2;
+constexpr float kPersonNear = 3.0f;
+
+/// A turning body sweeps more than its lane. Past a person beside it a driver swings wide.
+void SwingForPersons(const Traffic& traffic, const RoadView& view, PlanContext* context) {
+  for (int m = 0; m < view.obstacle_count; ++m) {
+    const Obstacle& o = view.obstacles[m];
+    if (o.row < static_cast<AgentIndex>(traffic.vehicle_count) || std::abs(o.d) > kPersonNear) continue;
+    if (o.d < 0.0f) {
+      context->corridor_max = std::max(context->corridor_max, kSwing);
+    } else {
+      context->corridor_min = std::min(context->corridor_min, -kSwing);
+    }
+  }
+}
+
 /// Speed [m/s] the ego wants without other traffic: limits, bends and speed limits ahead.
 double FreeSpeed(const World& world, AgentIndex i, const DrivingParams& driving, const WayAhead& way) {
   const Traffic& traffic = *world.traffic;
@@ -237,6 +254,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   Avoider::Result avoided;
   if (!queued) {
     SenseRoad(world, i, way, horizon, !guarded, &scratch->view);
+    SwingForPersons(*traffic, scratch->view, &context);
     if (avoider_.Applies(world, i)) {
       avoided = avoider_.Drive(world, i, leader, context, omp_get_thread_num(), scratch);
       plan = avoided.plan;

@@ -60,16 +60,16 @@ Avoider::Result Avoider::Drive(const World& world, AgentIndex ego, const Leader&
   Result result;
   const bool by_sight = policy == Policy::kBp || policy == Policy::kBls || policy == Policy::kApf;
   if (open && by_sight && DriveBySight(world, ego, context, *scratch, &own, &result)) return result;
-  SectorScan scan;
+  std::uint8_t code = 0xff;
   Avoidance advice = Avoidance::kForward;
   if (ScansSectors(policy)) {
     const ScanErrors errors(params_.lidar, seed_, traffic.number[ego], step_);
-    scan = ScanSectors(world, ego, scratch->way, scratch->view, params_, lidar_,
+    code = ScanSectors(world, ego, scratch->way, scratch->view, params_, lidar_,
                        leader.row == kNone ? 0.0 : leader.speed, errors, &own.reflectors);
-    if (scan.code != 0) advice = (policy == Policy::kBls ? bls_ : bp_)[scan.code];
+    if (code != 0) advice = (policy == Policy::kBls ? bls_ : bp_)[code];
   }
   if (open && !by_sight && DriveOpenRoad(world, ego, context, advice, &own, &result)) return result;
-  result.plan = ScansSectors(policy) ? DriveInLane(world, ego, context, scan, advice, own, scratch)
+  result.plan = ScansSectors(policy) ? DriveInLane(world, ego, context, code, advice, own, scratch)
                                      : PlanDwa(params_, context, scratch);
   return result;
 }
@@ -123,10 +123,10 @@ bool Avoider::DriveOpenRoad(const World& world, AgentIndex ego, const PlanContex
   return true;
 }
 
-Plan Avoider::DriveInLane(const World& world, AgentIndex ego, PlanContext c, const SectorScan& scan,
+Plan Avoider::DriveInLane(const World& world, AgentIndex ego, PlanContext c, std::uint8_t code,
                           Avoidance advice, const Scratch& scratch, PlanScratch* plan_scratch) const {
   const Policy policy = world.traffic->policy[ego];
-  const bool nothing_free = scan.code == 0;
+  const bool nothing_free = code == 0;
   const auto within = [&](double d) { return std::clamp(d, c.corridor_min, c.corridor_max); };
   if (policy == Policy::kBpDwa) {
     // The network picks the part of the corridor, the window searches there.
@@ -145,7 +145,7 @@ Plan Avoider::DriveInLane(const World& world, AgentIndex ego, PlanContext c, con
     if (nothing_free && plan.status == PlanStatus::kOk) plan.accel = std::min(plan.accel, 0.0);
     return plan;
   }
-  if (!AheadIsFree(scan.code) && !nothing_free) {
+  if (!AheadIsFree(code) && !nothing_free) {
     if (policy == Policy::kApf) {
       c.target_d = within(c.d + ShiftByPotential(params_, *c.vehicle, scratch.reflectors));
     } else if (advice != Avoidance::kForward) {

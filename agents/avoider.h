@@ -50,7 +50,7 @@ class Avoider {
                     const PlanScratch& plan_scratch, Scratch* scratch, Result* result);
   bool DriveOpenRoad(const World& world, AgentIndex ego, const PlanContext& context, Avoidance advice,
                      Scratch* scratch, Result* result);
-  Plan DriveInLane(const World& world, AgentIndex ego, PlanContext context, const SectorScan& scan,
+  Plan DriveInLane(const World& world, AgentIndex ego, PlanContext context, std::uint8_t code,
                    Avoidance advice, const Scratch& scratch, PlanScratch* plan_scratch) const;
 
   AgentParams params_;

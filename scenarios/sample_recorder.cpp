@@ -108,8 +108,7 @@ void SampleRecorder::Scan(std::int64_t step, double time, const Traffic& traffic
     SenseRoad(world, ego, way, reach, false, &scratch.view);
     const ScanErrors errors(params_.lidar, seed_, traffic.number[i], step);
     codes_[i] = ScanSectors(world, ego, way, scratch.view, params_, lidar_,
-                            leader.row == kNone ? 0.0 : leader.speed, errors, &scratch.reflectors)
-                    .code;
+                            leader.row == kNone ? 0.0 : leader.speed, errors, &scratch.reflectors);
   }
   for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {
     if (codes_[i] == 0) continue;

@@ -454,7 +454,13 @@ void AddBls(CLI::App* train, std::function<int()>* chosen) {
                   "standard deviation of the enhancement nodes' sums")
       ->capture_default_str();
   bls->add_option("--feature-reach", o->bls.feature_reach,
-                  "sectors over which a node's weights are correlated; 0 = independent")
+                  "sectors over which the weights of a node that compares the sides are correlated; 0 = "
+                  "independent")
+      ->capture_default_str();
+  bls->add_option(
+         "--local-share", o->bls.local_share,
+         "weight in an enhancement node of what stands in one pair of sectors, against how the sides "
+         "compare")
       ->capture_default_str();
   bls->add_option(
          "--grow", o->grow,

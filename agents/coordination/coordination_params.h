@@ -8,10 +8,10 @@ namespace lanewise {
 struct AdviceParams {
   double range{300.0};
   double min_speed{3.0};
-  double decel{1.0};
-  double headway{2.0};
-  double start_delay{2.0};
-  double green_margin{1.0};
+  double decel{0.3};
+  double headway{1.5};
+  double start_delay{0.0};
+  double green_margin{-1.0};
 };
 
 /// Signals that adapt to the shared positions.
@@ -59,14 +59,16 @@ struct CoordinationParams {
           "green-light advice is given from this far before a stop line", "as v2x.range");
     field("advice.min_speed", p.advice.min_speed, "m/s", Range{0.5, 20}, "nobody is advised to be slower",
           "own choice");
-    field("advice.decel", p.advice.decel, "m/s^2", Range{0.2, 4},
-          "a vehicle slows down so to the advised speed", "own choice: coasting with light braking");
+    field("advice.decel", p.advice.decel, "m/s^2", Range{0.1, 4},
+          "a vehicle slows down so to the advised speed", "own choice: coasting");
     field("advice.headway", p.advice.headway, "s", Range{1, 5},
-          "vehicles of a lane pass a stop line this long after each other", "saturation flow of 1,800 veh/h");
+          "vehicles of a lane pass a stop line this long after each other",
+          "measured: 1.48 s behind an agents' queue");
     field("advice.start_delay", p.advice.start_delay, "s", Range{0, 5},
-          "the first one passes this long after green begins", "start-up lost time of HCM: 2 s");
-    field("advice.green_margin", p.advice.green_margin, "s", Range{0, 5},
-          "and the last one this long before it ends", "own choice");
+          "the first one passes this long after green begins", "own choice: it arrives rolling");
+    field("advice.green_margin", p.advice.green_margin, "s", Range{-3, 5},
+          "and the last one this long before it ends; negative: into the yellow",
+          "own choice: who is told to wait for the next green loses a cycle if it could have passed");
     field("signals.max_change", p.signals.max_change, "s", Range{0, 20},
           "a cycle's green times and its offset change by no more than this", "SCOOT, Hunt et al. 1981: 4 s");
     field("signals.max_cycle_change", p.signals.max_cycle_change, "s", Range{0, 60},

@@ -39,10 +39,10 @@ std::optional<StopLine> LineAhead(const World& world, AgentIndex ego, double ran
 std::optional<double> PassingTime(const AdviceParams& params, const SignalTiming& timing, std::int32_t link,
                                   double reach, double ahead) {
   double time = ahead < 0.0 ? reach : std::max(reach, ahead + params.headway);
-  while (const auto green = NextGreen(timing, link, time + params.green_margin)) {
+  while (const auto green = NextGreen(timing, link, std::max(0.0, time + params.green_margin))) {
     if (green->begin > 0.0) time = std::max(time, green->begin + params.start_delay);
     if (time + params.green_margin < green->end) return time;
-    time = green->end;  // Shorter than the delay: no use.
+    time = green->end - std::min(0.0, params.green_margin);  // Not in this one.
   }
   return std::nullopt;
 }
@@ -90,7 +90,7 @@ Advice AdviseSpeed(const World& world, const Roadside& roadside, const DrivingPa
   if (!pass || *pass - age < reach + kWorthAdvising) return free;
   // Who passes in the present green is held up by those ahead, not by the signal.
   const auto green = NextGreen(message.timing, line->link, age);
-  if (green && green->begin <= age && *pass < green->end) return free;
+  if (green && green->begin <= age && *pass + params.green_margin < green->end) return free;
   const double wanted = SpeedToArrive(line->distance, speed, *pass - age, params.decel);
   const double advised = std::clamp(wanted, std::min(params.min_speed, limit), limit);
   return {line->signal, advised, std::max(advised, speed - params.decel * driving.response_time)};

@@ -170,7 +170,7 @@ int SideOf(Avoidance way) {
 }
 
 std::uint8_t CodeOf(const RoadScan& scan, const AvoidanceZone& zone, int min_points) {
-  return SectorCode(scan.lidar.CountExactly(scan.reflectors, scan.errors, zone), min_points);
+  return scan.lidar.Code(scan.reflectors, scan.errors, zone, min_points);
 }
 
 /// The sum of the repelling forces, in the sensor's frame.

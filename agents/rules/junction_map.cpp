@@ -11,6 +11,9 @@ namespace {
 constexpr double kSpacing = 0.5;
 /// [m] at which two paths conflict: half the widths of two cars of 1.8 m, and what they may deviate.
 constexpr double kReach = 2.2;
+/// [m] for which vehicles on the lane behind a link still count for its conflicts: where links come together
+/// at the junction's edge, they cross there.
+constexpr double kBeyond = 8.0;
 /// [m] around a pedestrian crossing: beyond its half width, for the vehicle; half a car and a step, for the
 /// pedestrian.
 constexpr double kCrossingMargin = 0.3, kPersonReach = 1.6;
@@ -38,7 +41,8 @@ Path SampleLink(const RoadNetwork& network, const std::vector<LaneCurve>& curves
     via = lane.outgoing.empty() ? kNone : network.connections[lane.outgoing.front()].via;
   }
   if (path.empty()) add(0.0, curves[link.from].At(network.lanes[link.from].length));
-  add(start, curves[link.to].At(0.0));
+  for (double s = 0.0; s <= std::min(kBeyond, network.lanes[link.to].length); s += kSpacing)
+    add(start + s, curves[link.to].At(s));
   return path;
 }
 
@@ -146,7 +150,7 @@ JunctionMap::JunctionMap(const RoadNetwork& network, const std::vector<LaneCurve
       const double reach = foe.crossing ? 0.5 * network.lanes[foe.to].width + kCrossingMargin : kReach;
       const auto mine = PartNear(paths[i], paths[foe_index], reach);
       const auto its = PartNear(paths[foe_index], paths[i], foe.crossing ? kPersonReach : kReach);
-      if (!mine || !its) continue;
+      if (!mine || !its || mine->begin > link.length || its->begin > foe.length) continue;
       ConflictArea area{foe_index,
                         mine->begin,
                         mine->end,

@@ -25,6 +25,8 @@ constexpr double kResponse = 0.3, kApproachResponse = 0.5;
 constexpr double kCheckTime = 1.0, kCheckDistance = 8.0, kListTime = 9.0, kListDistance = 50.0;
 /// [m] half a car's width, for which conflict areas are drawn.
 constexpr double kHalfWidth = 0.9;
+/// [m] for which a vehicle that has left a link still counts on it: the map's conflicts reach as far.
+constexpr double kBehindLink = 8.0;
 /// [m/s^2] braking before a bend, and braking one may count on when one's patience is at its end.
 constexpr double kBendDecel = 3.0, kImposedDecel = 2.0;
 /// [s] after which a vehicle in front of whom one crosses must have left.
@@ -147,7 +149,8 @@ void JunctionRules::ListLinks(const World& world, AgentIndex row) {
       lane = onward.via != kNone ? onward.via : onward.to;
     }
     ++position;
-  } else if (plan != nullptr && s < vehicle.length && position > 0 && position <= plan->route().size()) {
+  } else if (plan != nullptr && s < vehicle.length + kBehindLink && position > 0 &&
+             position <= plan->route().size()) {
     const EdgeIndex behind = plan->route()[position - 1];
     for (const std::int32_t index : network_.lanes[lane].incoming) {
       const Connection& connection = network_.connections[index];
@@ -526,14 +529,15 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
     for (const Approach& other : On(area.foe)) {
       if (other.row == ego) continue;
       if (area.merges) {
-        // Who is ahead of the ego on the way to the common lane, and will not stop, is followed.
+        // Who is ahead of the ego on the way to the common lane, and will not stop, is followed, as far as
+        // the ego does not halt before the area.
         const double ahead = (link.length - p) - (map_.links()[other.link].length - other.position());
         const double its_length = traffic.params[other.row].length;
         if (other.stops_at > area.foe_begin && ahead > 0.0 && other.position() - its_length < area.foe_end) {
-          const double gap = std::max(ahead - its_length - vehicle.min_gap, area.begin - p - kWaitMargin);
-          const double its_speed = ahead > its_length ? traffic.now.speed[other.row] : 0.0;
-          answer->speed_cap =
-              std::min(answer->speed_cap, SafeSpeed(gap, its_speed, comfort, kApproachResponse));
+          const double behind = SafeSpeed(ahead - its_length - vehicle.min_gap, traffic.now.speed[other.row],
+                                          comfort, kApproachResponse);
+          const double before = SafeSpeed(area.begin - p - kWaitMargin, 0.0, comfort, kApproachResponse);
+          answer->speed_cap = std::min(answer->speed_cap, std::max(behind, before));
           if (ahead > its_length) continue;
         }
       }

@@ -12,17 +12,17 @@ namespace lanewise {
 namespace {
 
 constexpr double kNoCutOff = 10.0;
-/// Standard deviation of a feature node's bias; its sum of inputs has 1.
-constexpr double kFeatureBias = 2.0;
+constexpr int kSide = kNetInputs / 2;
 
-using SectorMatrix = Eigen::Matrix<double, kNetInputs, kNetInputs>;
+/// Of the sectors of one side, from the middle outwards.
+using SideVector = Eigen::Matrix<double, kSide, 1>;
+using SideMatrix = Eigen::Matrix<double, kSide, kSide>;
 
 /// L with L L^T the correlation exp(-(i - j)^2 / (2 reach^2)) between the weights of sectors i and j.
-SectorMatrix SmoothingFactor(double reach) {
-  SectorMatrix correlation = SectorMatrix::Identity();
-  for (int i = 0; reach > 0.0 && i < kNetInputs; ++i) {
-    for (int j = 0; j < kNetInputs; ++j)
-      correlation(i, j) = std::exp(-0.5 * (i - j) * (i - j) / (reach * reach));
+SideMatrix SmoothingFactor(double reach) {
+  SideMatrix correlation = SideMatrix::Identity();
+  for (int i = 0; reach > 0.0 && i < kSide; ++i) {
+    for (int j = 0; j < kSide; ++j) correlation(i, j) = std::exp(-0.5 * (i - j) * (i - j) / (reach * reach));
   }
   correlation.diagonal().array() += 1e-6;  // Positive definite in spite of rounding.
   return correlation.llt().matrixL();
@@ -79,13 +79,14 @@ Eigen::MatrixXd TargetMatrix(std::span<const LabelledScan> samples) {
 
 BlsTrainer::BlsTrainer(std::span<const LabelledScan> samples, const BlsOptions& options, std::uint64_t seed)
     : samples_(MergeEqual({samples.begin(), samples.end()})), options_(options), seed_(seed) {
-  CheckOption("feature groups", options.feature_groups, 1, BlsNet::kMaxNodes);
+  CheckOption("feature groups", options.feature_groups, 2, BlsNet::kMaxNodes);
   CheckOption("feature nodes", double{1} * options.feature_groups * options.features_per_group, 1,
               BlsNet::kMaxNodes);
   CheckOption("enhancement nodes", options.enhancements, 0, BlsNet::kMaxNodes);
   CheckOption("ridge", options.ridge, 1e-12, 1e6);
   CheckOption("enhancement scale", options.enhancement_scale, 1e-6, 100.0);
   CheckOption("feature reach", options.feature_reach, 0.0, 100.0);
+  CheckOption("local share", options.local_share, 1e-3, 100.0);
   DrawFeatures();
   DrawEnhancements(0, options.enhancements);
   const Eigen::MatrixXd a = DesignMatrix(net_, samples_);
@@ -99,16 +100,21 @@ BlsTrainer::BlsTrainer(std::span<const LabelledScan> samples, const BlsOptions& 
 void BlsTrainer::DrawFeatures() {
   const int nodes = options_.feature_groups * options_.features_per_group;
   net_.feature_weights.resize(nodes, kNetInputs);
-  net_.feature_biases.resize(nodes);
-  const SectorMatrix smooth = SmoothingFactor(options_.feature_reach);
+  net_.feature_biases.setZero(nodes);  // The constant node makes up for them.
+  const SideMatrix smooth = SmoothingFactor(options_.feature_reach);
   for (int node = 0; node < nodes; ++node) {
     const RandomStream random(seed_, static_cast<std::uint64_t>(node), RandomPurpose::kRandomNodes, 0);
-    Eigen::Matrix<double, kNetInputs, 1> draw;
-    for (int i = 0; i < kNetInputs; ++i) draw[i] = random.Normal(static_cast<std::uint64_t>(i), kNoCutOff);
-    // Inputs are +-1: the sum has variance 1.
-    if (node >= FirstSmoothFeature()) draw = smooth * draw;
-    net_.feature_weights.row(node) = draw.transpose() / std::sqrt(kNetInputs);
-    net_.feature_biases[node] = kFeatureBias * random.Normal(kNetInputs, kNoCutOff);
+    const bool compares = ComparesSides(node);
+    SideVector side = SideVector::Unit(node % kSide);
+    if (compares) {
+      for (int i = 0; i < kSide; ++i) side[i] = random.Normal(static_cast<std::uint64_t>(i), kNoCutOff);
+      side = (smooth * side).eval();
+    }
+    side /= std::sqrt(2.0) * side.norm();  // Inputs are +-1: the sum over both sides has variance 1.
+    for (int i = 0; i < kSide; ++i) {
+      net_.feature_weights(node, kSide - 1 - i) = side[i];
+      net_.feature_weights(node, kSide + i) = compares ? -side[i] : side[i];
+    }
   }
 }
 
@@ -116,15 +122,20 @@ void BlsTrainer::DrawEnhancements(int first, int count) {
   const int features = net_.features();
   net_.enhancement_weights.conservativeResize(first + count, features);
   net_.enhancement_biases.conservativeResize(first + count);
+  std::vector<int> comparing, local;
+  for (int j = 0; j < features; ++j) (ComparesSides(j) ? comparing : local).push_back(j);
+  const auto any_of = [](const std::vector<int>& nodes, double uniform) {
+    return nodes[static_cast<std::size_t>(uniform * static_cast<double>(nodes.size()))];
+  };
   for (int node = first; node < first + count; ++node) {
     const RandomStream random(seed_, static_cast<std::uint64_t>(node), RandomPurpose::kRandomNodes, 1);
     Eigen::RowVectorXd weights = Eigen::RowVectorXd::Zero(features);
-    for (int j = FirstSmoothFeature(); j < features; ++j)
-      weights[j] = random.Normal(static_cast<std::uint64_t>(j), kNoCutOff);
+    weights[any_of(comparing, random.Uniform(0))] = random.Normal(1, kNoCutOff);
+    weights[any_of(local, random.Uniform(2))] = options_.local_share * random.Normal(3, kNoCutOff);
     // Inputs are +-1: the sum over them then has the standard deviation that is asked for.
     const double scale = options_.enhancement_scale / (weights * net_.feature_weights).norm();
     net_.enhancement_weights.row(node) = scale * weights;
-    net_.enhancement_biases[node] = scale * random.Normal(static_cast<std::uint64_t>(features), kNoCutOff);
+    net_.enhancement_biases[node] = options_.enhancement_scale * random.Normal(4, kNoCutOff);
   }
 }
 
@@ -177,7 +188,8 @@ BlsNet Simplify(const BlsNet& net, std::span<const LabelledScan> samples, double
   CheckOption("simplification tolerance", tolerance, 0.0, 1.0);
   BlsNet simple = net;
   const Eigen::MatrixXd a = DesignMatrix(net, samples);
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(a.middleCols(1, net.features()), Eigen::ComputeThinV);
+  // Jacobi's way: by BDCSVD equal feature nodes come out with a singular value far from zero.
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(a.middleCols(1, net.features()), Eigen::ComputeThinV);
   const auto& singular = svd.singularValues();
   Eigen::Index rank = 1;
   // Rounding leaves values of about 1e-16 of the largest where there is no rank.

@@ -9,16 +9,20 @@
 
 namespace lanewise {
 
+/// Feature nodes are of two kinds, in turn by group. Comparing ones weigh the sectors of the left side
+/// against those of the right one, all of them about alike; local ones see one pair of sectors, the same on
+/// both sides. A vehicle is the same on both sides: which one to take depends on how they differ, and whether
+/// to turn on what stands where. An enhancement node sees one feature node of either kind.
 struct BlsOptions {
-  int feature_groups{6};          ///< Groups of feature nodes; >= 1.
+  int feature_groups{8};          ///< Groups of feature nodes; >= 2.
   int features_per_group{4};      ///< >= 1; groups x nodes at most BlsNet::kMaxNodes.
-  int enhancements{60};           ///< >= 0, at most BlsNet::kMaxNodes.
-  double ridge{0.1};              ///< [-] lambda of the ridge regression; > 0.
-  double enhancement_scale{0.4};  ///< [-] standard deviation of the enhancement nodes' sums; > 0.
-  /// [sectors] over which the weights of the smooth feature nodes are correlated; 0 = independent. The first
-  /// half of the groups weighs each sector by itself, the other half neighbours alike, as a side is seen by
-  /// neighbours together; enhancement nodes are maps of the smooth half.
-  double feature_reach{2.0};
+  int enhancements{80};           ///< >= 0, at most BlsNet::kMaxNodes.
+  double ridge{0.2};              ///< [-] lambda of the ridge regression; > 0.
+  double enhancement_scale{1.4};  ///< [-] standard deviation of the enhancement nodes' sums; > 0.
+  /// [sectors] over which the weights of a comparing node are correlated on a side; 0 = independent.
+  double feature_reach{20.0};
+  /// [-] standard deviation of the local node's weight in an enhancement node, against the comparing one's.
+  double local_share{0.7};
 };
 
 /// Trains a broad learning system and lets it grow without training anew. The output weights C solve
@@ -33,7 +37,7 @@ class BlsTrainer {
   BlsTrainer(std::span<const LabelledScan> samples, const BlsOptions& options, std::uint64_t seed);
 
   /// Further random enhancement nodes: the same as if `options.enhancements` had been larger. The feature
-  /// nodes are linear maps of eight inputs, so more than nine of them span nothing new: only enhancement
+  /// nodes are linear maps of eight inputs, so more than eight of them span nothing new: only enhancement
   /// nodes are added.
   void AddEnhancements(int count);
   void AddSamples(std::span<const LabelledScan> samples);
@@ -43,8 +47,8 @@ class BlsTrainer {
   const BlsOptions& options() const { return options_; }
 
  private:
-  /// Features from here on are smooth.
-  int FirstSmoothFeature() const { return options_.feature_groups / 2 * options_.features_per_group; }
+  /// Else it is a local one.
+  bool ComparesSides(int feature) const { return feature / options_.features_per_group % 2 == 0; }
   void DrawFeatures();
   void DrawEnhancements(int first, int count);
   void Solve();

@@ -40,7 +40,7 @@ BpNet ParseBpNet(std::string_view text, std::string_view origin, TrainingRecord*
 BlsNet ParseBlsNet(std::string_view text, std::string_view origin, TrainingRecord* training = nullptr);
 
 /// The networks shipped with Lanewise, compiled in: agents/sector_net/default_*.json, made with
-/// `lanewise train bp` and `lanewise train bls` and no further options.
+/// `lanewise train bp` and `lanewise train bls --simplify 1e-9`.
 const BpNet& DefaultBpNet();
 const BlsNet& DefaultBlsNet();
 

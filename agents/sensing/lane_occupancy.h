@@ -15,8 +15,8 @@ struct Occupant {
   AgentIndex row;  ///< Row of Traffic.
 };
 
-/// Who is on which lane, sorted by position; rebuilt each step. A vehicle whose body reaches over the
-/// lane's border stands in the list of the neighbour lane too, so followers on both lanes see it.
+/// Who is on which lane, sorted by position; rebuilt each step. A vehicle whose body reaches over the lane's
+/// border, or whose tail is still before the junction, stands in that lane's list too: followers see it.
 class LaneOccupancy {
  public:
   explicit LaneOccupancy(const RoadNetwork& network);

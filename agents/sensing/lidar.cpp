@@ -67,23 +67,22 @@ void SetBits(int first, int last, std::uint64_t* words) {
   words[last_word] |= tail;
 }
 
-void ClearBits(int first, int last, std::uint64_t* words) {
-  for (int w = first / 64; w <= last / 64; ++w) {
-    std::uint64_t cleared = ~std::uint64_t{0};
-    if (w == first / 64) cleared &= ~std::uint64_t{0} << (first % 64);
-    if (w == last / 64) cleared &= ~std::uint64_t{0} >> (63 - last % 64);
-    words[w] &= ~cleared;
-  }
+/// Of word w, the bits begin to end - 1 of all.
+std::uint64_t BitsOfWord(int w, int begin, int end) {
+  std::uint64_t bits = ~std::uint64_t{0};
+  if (w == begin / 64) bits &= ~std::uint64_t{0} << (begin % 64);
+  if (w == (end - 1) / 64) bits &= ~std::uint64_t{0} >> (63 - (end - 1) % 64);
+  return bits;
+}
+
+void ClearBits(int begin, int end, std::uint64_t* words) {
+  for (int w = begin / 64; w <= (end - 1) / 64; ++w) words[w] &= ~BitsOfWord(w, begin, end);
 }
 
 int CountBits(int begin, int end, const std::uint64_t* words) {
   int count = 0;
-  for (int w = begin / 64; w <= (end - 1) / 64; ++w) {
-    std::uint64_t word = words[w];
-    if (w == begin / 64) word &= ~std::uint64_t{0} << (begin % 64);
-    if (w == (end - 1) / 64) word &= ~std::uint64_t{0} >> (63 - (end - 1) % 64);
-    count += std::popcount(word);
-  }
+  for (int w = begin / 64; w <= (end - 1) / 64; ++w)
+    count += std::popcount(words[w] & BitsOfWord(w, begin, end));
   return count;
 }
 
@@ -282,59 +281,103 @@ void Lidar::MarkEdge(const ReflectingEdge& edge, double far, double half_width, 
   if (first <= last) SetBits(first, last, marks);
 }
 
-void Lidar::MarkDisc(const LidarScene& scene, double radius, double half_width, Marks* marks) const {
+void Lidar::MarkDisc(const LidarScene& scene, double radius, double half_width, int begin, int end,
+                     Marks* marks) const {
   std::fill_n(marks->begin(), words(), std::uint64_t{0});
-  if (radius <= 0.0 || half_width <= 0.0 || sector_begin_[0] >= sector_begin_[kSectors]) return;
-  for (const ReflectingEdge& edge : scene.edges()) {
-    MarkEdge(edge, radius, half_width, sector_begin_[0], sector_begin_[kSectors] - 1, marks->data());
-  }
+  if (radius <= 0.0 || half_width <= 0.0 || begin >= end) return;
+  for (const ReflectingEdge& edge : scene.edges())
+    MarkEdge(edge, radius, half_width, begin, end - 1, marks->data());
 }
 
-void Lidar::MarkZone(const LidarScene& scene, const AvoidanceZone& zone, double grown, Marks* marks) const {
+void Lidar::MarkZone(const LidarScene& scene, const AvoidanceZone& zone, double grown, int begin, int end,
+                     Marks* marks) const {
   const auto reach = [&](double limit) { return std::min(limit + grown, params_.max_range); };
-  MarkDisc(scene, reach(zone.side), zone.side_width + grown, marks);
-  if (front_begin() >= front_end()) return;
-  ClearBits(front_begin(), front_end() - 1, marks->data());
+  const int front = std::max(begin, front_begin()), behind_front = std::min(end, front_end());
+  const bool all_front = front == begin && behind_front == end;
+  MarkDisc(scene, all_front ? 0.0 : reach(zone.side), zone.side_width + grown, begin, end, marks);
+  if (front >= behind_front) return;
+  ClearBits(front, behind_front, marks->data());
   const double far = reach(zone.far), half_width = zone.half_width + grown;
   if (far <= 0.0 || half_width <= 0.0) return;
   for (const ReflectingEdge& edge : scene.edges())
-    MarkEdge(edge, far, half_width, front_begin(), front_end() - 1, marks->data());
+    MarkEdge(edge, far, half_width, front, behind_front - 1, marks->data());
+}
+
+void Lidar::MarkSure(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                     Marks* sure) const {
+  const double bound = errors.max_range_error();
+  const int begin = sector_begin_[0], end = sector_begin_[kSectors];
+  MarkZone(scene, zone, -bound, begin, end, sure);
+  if (ReachesWithin(scene, zone.near + bound)) {
+    // Nearer than the near limit is dust. A reading at the limit is in the zone.
+    Marks dust;
+    MarkDisc(scene, std::nextafter(zone.near + bound, 0.0), kInfinity, begin, end, &dust);
+    for (int w = 0; w < words(); ++w) (*sure)[w] &= ~dust[w];
+  }
+  for (int w = 0; errors.drops() && w < words(); ++w) (*sure)[w] &= ~errors.DroppedWord(w);
+}
+
+void Lidar::MarkDoubtful(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                         const Marks& sure, int begin, int end, Marks* doubtful) const {
+  // Those of the grown zone that are neither surely in nor surely dust.
+  const double bound = errors.max_range_error();
+  MarkZone(scene, zone, bound, begin, end, doubtful);
+  for (int w = 0; w < words(); ++w) (*doubtful)[w] &= ~sure[w];
+  if (ReachesWithin(scene, zone.near - bound)) {
+    Marks dust;
+    MarkDisc(scene, std::nextafter(zone.near - bound, 0.0), kInfinity, begin, end, &dust);
+    for (int w = 0; w < words(); ++w) (*doubtful)[w] &= ~dust[w];
+  }
+  for (int w = 0; errors.drops() && w < words(); ++w) (*doubtful)[w] &= ~errors.DroppedWord(w);
+}
+
+int Lidar::CountDoubtful(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone, int i,
+                         const Marks& doubtful) const {
+  const int begin = sector_begin_[i], end = sector_begin_[i + 1];
+  int count = 0;
+  for (int w = begin / 64; w <= (end - 1) / 64; ++w) {
+    for (std::uint64_t rest = doubtful[w] & BitsOfWord(w, begin, end); rest != 0; rest &= rest - 1) {
+      const int k = 64 * w + std::countr_zero(rest);
+      const double reading = std::max(0.0, NearestRange(scene, k) + errors.RangeError(k));
+      count += InZone(reading, k, zone) ? 1 : 0;
+    }
+  }
+  return count;
 }
 
 SectorCounts Lidar::CountExactly(const LidarScene& scene, const ScanErrors& errors,
                                  const AvoidanceZone& zone) const {
-  const double bound = errors.max_range_error();
-  Marks count, other;
-  // Beams whose reading is in the zone whatever the error; nearer than the near limit is dust.
-  MarkZone(scene, zone, -bound, &count);
-  const bool has_dust = ReachesWithin(scene, zone.near + bound);
-  if (has_dust) {
-    // A reading at the near limit is in the zone.
-    MarkDisc(scene, std::nextafter(zone.near + bound, 0.0), kInfinity, &other);
-    for (int w = 0; w < words(); ++w) count[w] &= ~other[w];
-  }
-  if (bound > 0.0) {
-    // Beams the error may carry across a limit: those of the grown zone that are neither surely in nor surely
-    // dust.
-    Marks doubtful;
-    MarkZone(scene, zone, bound, &doubtful);
-    std::fill_n(other.begin(), words(), std::uint64_t{0});
-    if (has_dust) MarkDisc(scene, std::nextafter(zone.near - bound, 0.0), kInfinity, &other);
-    for (int w = 0; w < words(); ++w) {
-      for (std::uint64_t rest = doubtful[w] & ~count[w] & ~other[w]; rest != 0; rest &= rest - 1) {
-        const int k = 64 * w + std::countr_zero(rest);
-        const double reading = std::max(0.0, NearestRange(scene, k) + errors.RangeError(k));
-        if (InZone(reading, k, zone)) count[w] |= std::uint64_t{1} << (k % 64);
-      }
-    }
-  }
-  if (errors.drops()) {
-    for (int w = 0; w < words(); ++w) count[w] &= ~errors.DroppedWord(w);
-  }
+  return CountAtLeast(scene, errors, zone, std::nullopt);
+}
+
+std::uint8_t Lidar::Code(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                         int min_points) const {
+  return SectorCode(CountAtLeast(scene, errors, zone, min_points), min_points);
+}
+
+SectorCounts Lidar::CountAtLeast(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                                 std::optional<int> enough) const {
+  Marks sure;
+  MarkSure(scene, errors, zone, &sure);
   SectorCounts counts{};
+  int first_open = kSectors, last_open = -1;  // Sectors that doubtful beams may still block.
   for (int i = 0; i < kSectors; ++i) {
-    if (sector_begin_[i] < sector_begin_[i + 1])
-      counts[kSectors - 1 - i] = CountBits(sector_begin_[i], sector_begin_[i + 1], count.data());
+    const int begin = sector_begin_[i], end = sector_begin_[i + 1];
+    if (begin == end) continue;
+    counts[kSectors - 1 - i] = CountBits(begin, end, sure.data());
+    if (enough && counts[kSectors - 1 - i] > *enough) continue;
+    first_open = std::min(first_open, i);
+    last_open = i;
+  }
+  if (errors.max_range_error() <= 0.0 || last_open < 0) return counts;
+  Marks doubtful;
+  MarkDoubtful(scene, errors, zone, sure, sector_begin_[first_open], sector_begin_[last_open + 1], &doubtful);
+  for (int i = first_open; i <= last_open; ++i) {
+    const int begin = sector_begin_[i], end = sector_begin_[i + 1];
+    int& count = counts[kSectors - 1 - i];
+    if (begin == end || (enough && count > *enough)) continue;
+    if (!enough || count + CountBits(begin, end, doubtful.data()) > *enough)
+      count += CountDoubtful(scene, errors, zone, i, doubtful);
   }
   return counts;
 }

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -117,6 +118,9 @@ class Lidar {
   /// error may carry across the zone's limit are cast.
   SectorCounts CountExactly(const LidarScene& scene, const ScanErrors& errors,
                             const AvoidanceZone& zone) const;
+  /// SectorCode of these counts. Casts beams for those sectors only whose bit hangs on them.
+  std::uint8_t Code(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                    int min_points) const;
 
  private:
   static constexpr int kMaxWords = 64;
@@ -128,9 +132,25 @@ class Lidar {
   /// Marks the beams first .. last that the edge reflects within `far`, and `half_width` to the sides.
   void MarkEdge(const ReflectingEdge& edge, double far, double half_width, int first, int last,
                 std::uint64_t* marks) const;
-  void MarkDisc(const LidarScene& scene, double radius, double half_width, Marks* marks) const;
-  /// The zone with every limit but the near one moved out by `grown`.
-  void MarkZone(const LidarScene& scene, const AvoidanceZone& zone, double grown, Marks* marks) const;
+  /// Of the beams begin .. end - 1.
+  void MarkDisc(const LidarScene& scene, double radius, double half_width, int begin, int end,
+                Marks* marks) const;
+  /// The same of the zone with every limit but the near one moved out by `grown`.
+  void MarkZone(const LidarScene& scene, const AvoidanceZone& zone, double grown, int begin, int end,
+                Marks* marks) const;
+  /// Beams whose reading is in the zone whatever the range error.
+  void MarkSure(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                Marks* sure) const;
+  /// Of the beams begin .. end - 1, those whose reading the range error may carry across a limit of the zone.
+  void MarkDoubtful(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                    const Marks& sure, int begin, int end, Marks* doubtful) const;
+  /// Casts the doubtful beams of sector i, from the right. @return how many are in the zone.
+  int CountDoubtful(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone, int i,
+                    const Marks& doubtful) const;
+  /// Counts readings in the zone; a sector's count may be too small where it is above, or surely not above,
+  /// `enough`. Without it all counts are exact.
+  SectorCounts CountAtLeast(const LidarScene& scene, const ScanErrors& errors, const AvoidanceZone& zone,
+                            std::optional<int> enough) const;
   bool IsFront(int beam) const { return beam >= front_begin() && beam < front_end(); }
   int words() const { return (beams() + 63) / 64; }
   int front_begin() const { return sector_begin_[kSectors / 2 - 1]; }

@@ -13,6 +13,8 @@ namespace {
 constexpr double kStanding = 0.1, kCreeping = 0.5;
 /// [s] of waiting after which what stands on another road is crept by: it waits for us.
 constexpr float kPatience = 12.0f;
+/// [s] likewise, persons at the kerb of a turn.
+constexpr float kPersonPatience = 8.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
 /// [s] for which a vehicle's lateral motion is taken to last.
@@ -49,6 +51,7 @@ void SearchBack(const World& world, AgentIndex ego, LaneIndex lane, double s, do
   const auto occupants = world.occupancy->On(lane);
   for (auto it = occupants.rbegin(); it != occupants.rend(); ++it) {
     if (it->row == ego || it->s > s) continue;
+    if (it->s > world.network->lanes[lane].length) continue;  // Only its tail: its front is farther on.
     if (behind_yield_line && world.traffic->now.speed[it->row] < kStanding) return;
     const double gap = s - it->s;
     if (gap < nearest->gap) *nearest = {it->row, gap, world.traffic->now.speed[it->row]};
@@ -328,8 +331,10 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       // SUMO decides who goes first; but what stands is in the way, outside the junction and in it.
       if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands) return;
       const bool creeping = world.traffic->now.speed[ego] < kWalkingSpeed;
-      if (person) {  // Persons who stand at a crossing wait for us to go.
-        if (!crossing_traffic && stands && creeping) obstacle.forgiven = kWholly;
+      if (person) {
+        // Whoever still stands there after a while waits for us to go.
+        if (!crossing_traffic && stands && creeping && world.traffic->now.waited[ego] > kPersonPatience)
+          obstacle.forgiven = kWholly;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
         // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who

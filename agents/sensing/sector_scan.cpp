@@ -111,18 +111,15 @@ void CollectReflectors(const World& world, AgentIndex ego, const WayAhead& way, 
   });
 }
 
-SectorScan ScanSectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
-                       const AgentParams& params, const Lidar& lidar, double leader_speed,
-                       const ScanErrors& errors, LidarScene* scene) {
+std::uint8_t ScanSectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
+                         const AgentParams& params, const Lidar& lidar, double leader_speed,
+                         const ScanErrors& errors, LidarScene* scene) {
   const Traffic& traffic = *world.traffic;
   const AvoidanceZone zone =
       ZoneForSpeed(params, traffic.params[ego].width, traffic.now.speed[ego], leader_speed);
   CollectReflectors(world, ego, way, view, std::max(zone.far, zone.side) + errors.max_range_error(), 0.0,
                     scene);
-  SectorScan scan;
-  scan.counts = lidar.CountExactly(*scene, errors, zone);
-  scan.code = SectorCode(scan.counts, params.sector.min_points);
-  return scan;
+  return lidar.Code(*scene, errors, zone, params.sector.min_points);
 }
 
 }  // namespace lanewise

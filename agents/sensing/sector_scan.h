@@ -15,16 +15,10 @@ namespace lanewise {
 void CollectReflectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
                        double range, double turn, LidarScene* scene);
 
-/// The sector code of one agent in one step.
-struct SectorScan {
-  SectorCounts counts{};
-  std::uint8_t code{0xff};  ///< Bit i: sector i is free; 0 is the leftmost.
-};
-
 /// Senses, scans and codes (Eq. 8 of [A]). @param leader_speed [m/s] of the vehicle ahead in the ego's lane;
-/// 0 if there is none. @param scene working memory.
-SectorScan ScanSectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
-                       const AgentParams& params, const Lidar& lidar, double leader_speed,
-                       const ScanErrors& errors, LidarScene* scene);
+/// 0 if there is none. @param scene working memory. @return bit i: sector i is free; 0 is the leftmost.
+std::uint8_t ScanSectors(const World& world, AgentIndex ego, const WayAhead& way, const RoadView& view,
+                         const AgentParams& params, const Lidar& lidar, double leader_speed,
+                         const ScanErrors& errors, LidarScene* scene);
 
 }  // namespace lanewise

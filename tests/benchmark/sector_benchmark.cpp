@@ -72,11 +72,11 @@ void BM_SenseAndDecide(benchmark::State& state) {
   std::int64_t step = 0;
   for (auto _ : state) {
     const ScanErrors errors(params.lidar, 1, 0, ++step);
-    const SectorScan scan =
+    const std::uint8_t code =
         ScanSectors(scene.world, 0, scene.way, scene.view, params, lidar, 0.0, errors, &reflectors);
-    Avoidance way = table[scan.code];
-    if (state.range(0) == 1) way = WayOf(DefaultBpNet().Forward(InputsOfCode(scan.code)));
-    if (state.range(0) == 2) way = WayOf(DefaultBlsNet().Forward(InputsOfCode(scan.code)));
+    Avoidance way = table[code];
+    if (state.range(0) == 1) way = WayOf(DefaultBpNet().Forward(InputsOfCode(code)));
+    if (state.range(0) == 2) way = WayOf(DefaultBlsNet().Forward(InputsOfCode(code)));
     benchmark::DoNotOptimize(way);
   }
 }

@@ -5,6 +5,7 @@
 
 #include "agents/sensing/road_view.h"
 #include "tests/support/crowd.h"
+#include "tests/support/fleet_world.h"
 
 namespace lanewise {
 namespace {
@@ -17,19 +18,21 @@ void PerAgent(benchmark::State& state, std::int64_t agents) {
 
 void BM_GridBuild(benchmark::State& state) {
   omp_set_num_threads(1);
-  CrowdWorld crowd(static_cast<int>(state.range(0)));
-  for (auto _ : state) crowd.grid.Build(crowd.x, crowd.y);
+  const Crowd crowd(static_cast<int>(state.range(0)));
+  FleetWorld seen(crowd.network, crowd.fleet);
+  for (auto _ : state) seen.grid.Build(seen.x, seen.y);
   PerAgent(state, state.range(0));
 }
 BENCHMARK(BM_GridBuild)->ArgName("agents")->Arg(100)->Arg(1000);
 
 void BM_GridQuery(benchmark::State& state) {
   omp_set_num_threads(1);
-  const CrowdWorld crowd(static_cast<int>(state.range(0)));
+  const Crowd crowd(static_cast<int>(state.range(0)));
+  FleetWorld seen(crowd.network, crowd.fleet);
   std::int64_t found = 0;
   for (auto _ : state) {
-    for (std::size_t i = 0; i < crowd.x.size(); ++i) {
-      crowd.grid.ForEachNear(crowd.x[i], crowd.y[i], 30.0, [&](AgentIndex) { ++found; });
+    for (std::size_t i = 0; i < seen.x.size(); ++i) {
+      seen.grid.ForEachNear(seen.x[i], seen.y[i], 30.0, [&](AgentIndex) { ++found; });
     }
   }
   benchmark::DoNotOptimize(found);
@@ -39,29 +42,32 @@ BENCHMARK(BM_GridQuery)->ArgName("agents")->Arg(100)->Arg(1000);
 
 void BM_LaneOccupancy(benchmark::State& state) {
   omp_set_num_threads(1);
-  CrowdWorld crowd(static_cast<int>(state.range(0)));
-  for (auto _ : state) crowd.occupancy.Build(crowd.crowd.fleet.traffic);
+  const Crowd crowd(static_cast<int>(state.range(0)));
+  FleetWorld seen(crowd.network, crowd.fleet);
+  for (auto _ : state) seen.occupancy.Build(crowd.fleet.traffic);
   PerAgent(state, state.range(0));
 }
 BENCHMARK(BM_LaneOccupancy)->ArgName("agents")->Arg(100)->Arg(1000);
 
 void BM_LookAheadAndFindLeader(benchmark::State& state) {
   omp_set_num_threads(1);
-  const CrowdWorld crowd(100);
+  const Crowd crowd(100);
+  FleetWorld seen(crowd.network, crowd.fleet);
   for (auto _ : state) {
-    const WayAhead way = LookAhead(crowd.world, 50, 60.0);
-    benchmark::DoNotOptimize(FindLeader(crowd.world, 50, way));
+    const WayAhead way = LookAhead(seen.world, 50, 60.0);
+    benchmark::DoNotOptimize(FindLeader(seen.world, 50, way));
   }
 }
 BENCHMARK(BM_LookAheadAndFindLeader);
 
 void BM_SenseRoad(benchmark::State& state) {
   omp_set_num_threads(1);
-  const CrowdWorld crowd(100);
-  const WayAhead way = LookAhead(crowd.world, 50, 60.0);
+  const Crowd crowd(100);
+  FleetWorld seen(crowd.network, crowd.fleet);
+  const WayAhead way = LookAhead(seen.world, 50, 60.0);
   RoadView view;
   for (auto _ : state) {
-    SenseRoad(crowd.world, 50, way, 40.0, true, &view);
+    SenseRoad(seen.world, 50, way, 40.0, true, &view);
     benchmark::DoNotOptimize(view);
   }
   state.counters["obstacles"] = view.obstacle_count;

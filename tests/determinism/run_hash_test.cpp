@@ -28,6 +28,12 @@ TEST(Determinism, Town) {
   ExpectSameForAnyThreads(ShippedRun("town", Policy::kDwa, 60.0));
 }
 
+TEST(Determinism, TownUnderTheAgentsOwnRules) {
+  RunConfig config = ShippedRun("town", Policy::kDwa, 60.0);
+  config.rules = Rules::kAgent;
+  ExpectSameForAnyThreads(config);
+}
+
 TEST(Determinism, BolognaAcosta) {
   const auto file = BolognaScenario("acosta");
   if (file.empty()) GTEST_SKIP() << "no Bologna scenarios in " << kBolognaFolder;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <string>
 
 #include "tests/support/small_nets.h"
@@ -70,6 +71,48 @@ inline RoadNetwork PriorityCrossing() {
 /// Each yields to who comes from its right.
 inline RoadNetwork RightBeforeLeftCrossing() {
   return CrossingNet("====", {"3", "0", "1", "2"});
+}
+
+/// Two one-lane roads of kArm become one, "out", at (0, 0) eastward: "w" from the west at 5 m/s, with
+/// priority, and "s", which comes at 45 degrees from the south-west at 13.89 m/s. Links 0 (from s) and 1
+/// (from w), 8 m long.
+inline RoadNetwork MergeNet() {
+  const double far = kJunctionLength + kArm, slant = std::sqrt(0.5);
+  const double x1 = -kJunctionLength * slant, x2 = -far * slant;
+  return LoadNetText(fmt::format(
+      R"(<net version="1.9">
+<edge id=":J_0" function="internal"><lane id=":J_0_0" index="0" speed="13.89" length="{0}" shape="{1},{1} -2.8,-1.2 0,0"/></edge>
+<edge id=":J_1" function="internal"><lane id=":J_1_0" index="0" speed="5" length="{0}" shape="-{0},0 0,0"/></edge>
+<edge id="s" from="s" to="J"><lane id="s_0" index="0" speed="13.89" length="{3}" shape="{2},{2} {1},{1}"/></edge>
+<edge id="w" from="w" to="J"><lane id="w_0" index="0" speed="5" length="{3}" shape="-{4},0 -{0},0"/></edge>
+<edge id="out" from="J" to="e"><lane id="out_0" index="0" speed="13.89" length="{3}" shape="0,0 {3},0"/></edge>
+<junction id="J" type="priority" incLanes="s_0 w_0" intLanes=":J_0_0 :J_1_0"><request index="0" response="10" foes="10" cont="0"/><request index="1" response="00" foes="01" cont="0"/></junction>
+<junction id="e" type="dead_end" incLanes="out_0" intLanes=""/><junction id="s" type="dead_end" incLanes="" intLanes=""/><junction id="w" type="dead_end" incLanes="" intLanes=""/>
+<connection from="s" to="out" fromLane="0" toLane="0" via=":J_0_0" dir="s" state="m"/>
+<connection from="w" to="out" fromLane="0" toLane="0" via=":J_1_0" dir="s" state="M"/>
+<connection from=":J_0" to="out" fromLane="0" toLane="0" dir="s" state="M"/>
+<connection from=":J_1" to="out" fromLane="0" toLane="0" dir="s" state="M"/></net>)",
+      kJunctionLength, x1, x2, kArm, far));
+}
+
+/// "a" comes from the east to its stop line at (12, 0), through the junction to (0, 0) and on as "a_out";
+/// "b", from the south, has its stop line at (-2, -4) and crosses the lane behind the junction: 2 m behind
+/// the end of link 0 (a). Link 1 (b) yields to it.
+inline RoadNetwork CrossingBehindNet() {
+  return LoadNetText(R"(<net version="1.9">
+<edge id=":J_0" function="internal"><lane id=":J_0_0" index="0" speed="13.89" length="12" shape="12,0 0,0"/></edge>
+<edge id=":J_1" function="internal"><lane id=":J_1_0" index="0" speed="13.89" length="16" shape="-2,-4 -2,12"/></edge>
+<edge id="a" from="e" to="J"><lane id="a_0" index="0" speed="13.89" length="150" shape="162,0 12,0"/></edge>
+<edge id="b" from="s" to="J"><lane id="b_0" index="0" speed="13.89" length="150" shape="-2,-154 -2,-4"/></edge>
+<edge id="a_out" from="J" to="w"><lane id="a_out_0" index="0" speed="13.89" length="150" shape="0,0 -150,0"/></edge>
+<edge id="b_out" from="J" to="n"><lane id="b_out_0" index="0" speed="13.89" length="150" shape="-2,12 -2,162"/></edge>
+<junction id="J" type="priority" incLanes="a_0 b_0" intLanes=":J_0_0 :J_1_0"><request index="0" response="00" foes="10" cont="0"/><request index="1" response="01" foes="01" cont="0"/></junction>
+<junction id="e" type="dead_end" incLanes="" intLanes=""/><junction id="s" type="dead_end" incLanes="" intLanes=""/>
+<junction id="w" type="dead_end" incLanes="a_out_0" intLanes=""/><junction id="n" type="dead_end" incLanes="b_out_0" intLanes=""/>
+<connection from="a" to="a_out" fromLane="0" toLane="0" via=":J_0_0" dir="s" state="M"/>
+<connection from="b" to="b_out" fromLane="0" toLane="0" via=":J_1_0" dir="s" state="m"/>
+<connection from=":J_0" to="a_out" fromLane="0" toLane="0" dir="s" state="M"/>
+<connection from=":J_1" to="b_out" fromLane="0" toLane="0" dir="s" state="M"/></net>)");
 }
 
 }  // namespace lanewise

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <memory>
-
 #include "tests/support/fleet.h"
 #include "tests/support/small_nets.h"
 
@@ -24,29 +22,6 @@ struct Crowd {
 
   RoadNetwork network;
   Fleet fleet;
-};
-
-/// The world a crowd's agents see.
-struct CrowdWorld {
-  explicit CrowdWorld(int agents)
-      : crowd(agents), curves(FitLaneCurves(crowd.network, {})), occupancy(crowd.network) {
-    const Traffic& traffic = crowd.fleet.traffic;
-    for (std::size_t i = 0; i < traffic.size(); ++i) {
-      const double half = 0.5 * traffic.params[i].length;
-      x.push_back(traffic.now.x[i] - half * std::cos(traffic.now.heading[i]));
-      y.push_back(traffic.now.y[i] - half * std::sin(traffic.now.heading[i]));
-    }
-    grid.Build(x, y);
-    occupancy.Build(traffic);
-    world = {&crowd.network, &curves, &traffic, &occupancy, &grid, x, y};
-  }
-
-  Crowd crowd;
-  std::vector<LaneCurve> curves;
-  LaneOccupancy occupancy;
-  SpatialGrid grid{20.0};
-  std::vector<double> x, y;
-  World world;
 };
 
 }  // namespace lanewise

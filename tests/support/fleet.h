@@ -55,9 +55,26 @@ class Fleet {
     return row;
   }
 
+  /// Adds a person who stands at (x, y), after all vehicles.
+  void AddPerson(double x, double y) {
+    const std::size_t row = traffic.size();
+    traffic.Resize(row + 1);
+    traffic.number[row] = static_cast<std::int32_t>(row);
+    traffic.params[row].length = 0.2;
+    traffic.params[row].width = 0.5;
+    traffic.plan[row] = nullptr;
+    traffic.driven[row] = 0;
+    traffic.hazard[row] = 0;
+    Motion& now = traffic.now;
+    now.lane[row] = kNone;
+    now.x[row] = x;
+    now.y[row] = y;
+    now.heading[row] = now.speed[row] = now.accel[row] = 0.0;
+  }
+
   void Step(double dt) {
     pipeline_.Step(dt, guarded_, &traffic, &commands);
-    for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {
+    for (std::size_t i = 0; i < traffic.size(); ++i) {
       if (!traffic.driven[i]) KeepRow(i);
     }
     std::swap(traffic.now, traffic.next);

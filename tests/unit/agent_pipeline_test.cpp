@@ -4,6 +4,7 @@
 #include <omp.h>
 
 #include <cmath>
+#include <numbers>
 #include <tuple>
 
 #include "agents/core/geometry.h"
@@ -266,6 +267,25 @@ TEST(NoAllocation, WhenEverybodyStraddlesAtOnce) {
   const AllocationCounter counter;
   fleet.Step(kDt);
   EXPECT_EQ(counter.count(), 0);
+}
+
+// Along the centre of a bend of 8 m the body cuts it by half a metre, over the feet of who stands at the
+// kerb.
+TEST(AgentPipeline, SwingsWidePastAPersonAtTheInnerKerb) {
+  constexpr double kRadius = 8.0, kPersonRadius = kRadius - 1.45;
+  const RoadNetwork network = BendNet(kRadius, 0.5 * std::numbers::pi);
+  Fleet fleet(network);
+  const std::size_t car = fleet.Add({"bend"}, 0, 0.5, 3.0);
+  const double angle = 0.3 * std::numbers::pi;
+  fleet.AddPerson(kPersonRadius * std::sin(angle), kRadius - kPersonRadius * std::cos(angle));
+  double nearest = 1e9;
+  int steps = 0;
+  for (; steps < 100 && fleet.traffic.now.s[car] < 12.0; ++steps) {
+    fleet.Step(kDt);
+    nearest = std::min(nearest, -PenetrationDepth(Box(fleet, car), Box(fleet, 1)));
+  }
+  EXPECT_GT(nearest, 0.0);
+  EXPECT_LT(steps, 100);
 }
 
 TEST(AgentPipeline, TheNumberOfThreadsDoesNotMatter) {

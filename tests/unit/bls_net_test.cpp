@@ -7,6 +7,8 @@
 
 #include "agents/core/check.h"
 #include "agents/sector_net/bls_training.h"
+#include "agents/sector_net/bp_training.h"
+#include "agents/sector_net/net_score.h"
 #include "tests/support/no_alloc.h"
 
 namespace lanewise {
@@ -78,11 +80,43 @@ TEST(BlsTraining, EqualSamplesCountByTheirNumber) {
             1e-9);
 }
 
-// Linear maps of eight inputs and a constant have rank nine: exact.
+// Half of the feature nodes change their sign in the mirror, the others are the same.
+TEST(BlsTraining, FeatureNodesCompareTheSidesOrSeeBothAlike) {
+  const BlsNet net = BlsTrainer(GeneratedSamples(), {}, 5).net();
+  const Eigen::MatrixXd mirrored = net.feature_weights.rowwise().reverse();
+  int comparing = 0, local = 0;
+  for (int node = 0; node < net.features(); ++node) {
+    const auto weights = net.feature_weights.row(node), mirror = mirrored.row(node);
+    EXPECT_NEAR(weights.norm(), 1.0, 1e-12);
+    if (weights == -mirror) ++comparing;
+    if (weights == mirror) {
+      ++local;
+      EXPECT_EQ((weights.array() != 0.0).count(), 2);
+    }
+  }
+  EXPECT_EQ(comparing, net.features() / 2);
+  EXPECT_EQ(local, net.features() / 2);
+}
+
+// On the experiment of [A], held-out samples of ten splits that no option was chosen by.
+TEST(BlsTraining, IsNoLessAccurateThanBackPropagation) {
+  double bp_right = 0.0, bls_right = 0.0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const SampleSplit split = SplitSamples(GeneratedSamples(), 130, 100, seed);
+    BpNet bp = RandomBpNet(seed);
+    TrainByGradientDescent(split.training, {}, seed, {}, &bp);
+    bp_right += ScoreNet(bp, split.test).rounded;
+    bls_right += ScoreNet(BlsTrainer(split.training, {}, seed).net(), split.test).rounded;
+  }
+  EXPECT_GE(bls_right, bp_right);
+  EXPECT_GE(bls_right, 990.0);
+}
+
+// Linear maps of eight inputs have rank eight: exact.
 TEST(BlsTraining, SimplifyingTheFeatureNodesLosesNothing) {
   const BlsTrainer trainer(GeneratedSamples(), {}, 4);
   const BlsNet simple = Simplify(trainer.net(), trainer.samples(), trainer.options().ridge, 0.0);
-  EXPECT_EQ(simple.features(), 9);
+  EXPECT_EQ(simple.features(), 8);
   EXPECT_EQ(simple.enhancements(), trainer.net().enhancements());
   for (const LabelledScan& sample : trainer.samples()) {
     const NetOutputs a = trainer.net().Forward(sample.sectors), b = simple.Forward(sample.sectors);
@@ -101,7 +135,8 @@ TEST(BlsTraining, OptionsOutOfRangeAreRefused) {
   const auto samples = GeneratedSamples();
   EXPECT_THROW(BlsTrainer(samples, {.ridge = 0.0}, 1), ConfigError);
   EXPECT_THROW(BlsTrainer(samples, {.enhancements = -1}, 1), ConfigError);
-  EXPECT_THROW(BlsTrainer(samples, {.feature_groups = 0}, 1), ConfigError);
+  EXPECT_THROW(BlsTrainer(samples, {.feature_groups = 1}, 1), ConfigError);
+  EXPECT_THROW(BlsTrainer(samples, {.local_share = 0.0}, 1), ConfigError);
   BlsTrainer trainer(samples, {}, 1);
   EXPECT_THROW(trainer.AddEnhancements(BlsNet::kMaxNodes), ConfigError);
 }

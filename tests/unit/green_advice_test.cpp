@@ -50,20 +50,39 @@ TEST(SignalTiming, WhatCannotBeForeseenIsNot) {
   EXPECT_FALSE(NextGreen(timing, 0, 0.0));
 }
 
+/// 2 s from car to car, 2 s after a green begins, 1 s before it ends.
+AdviceParams TwoSeconds() {
+  AdviceParams params;
+  params.headway = params.start_delay = 2.0;
+  params.green_margin = 1.0;
+  return params;
+}
+
 TEST(GreenAdvice, WhoCanPassInTheGreenDoes) {
-  const AdviceParams params;
+  const AdviceParams params = TwoSeconds();
   EXPECT_DOUBLE_EQ(*PassingTime(params, TwoStages(0, 12.0), 0, 8.0, -1.0), 8.0);
 }
 
 TEST(GreenAdvice, WhoComesLatePassesAtTheNextGreenAndItsStartUpDelay) {
-  const AdviceParams params;
+  const AdviceParams params = TwoSeconds();
   // 11.5 s is within the last second of the green: margin 1 s. The next begins in 52 s.
   EXPECT_DOUBLE_EQ(*PassingTime(params, TwoStages(0, 12.0), 0, 11.5, -1.0), 54.0);
   EXPECT_DOUBLE_EQ(*PassingTime(params, TwoStages(0, 12.0), 0, 60.0, -1.0), 60.0);
 }
 
+// Green ends in 12 s, yellow lasts 3 s: 0.9 s into it counts as passed with a margin of -1 s, 1.1 s does not.
+TEST(GreenAdvice, ANegativeMarginUsesTheYellow) {
+  AdviceParams params = TwoSeconds();
+  params.green_margin = -1.0;
+  EXPECT_DOUBLE_EQ(*PassingTime(params, TwoStages(0, 12.0), 0, 12.9, -1.0), 12.9);
+  EXPECT_DOUBLE_EQ(*PassingTime(params, TwoStages(0, 12.0), 0, 13.1, -1.0), 54.0);
+  // Behind one that passes at 11 s, at 13 s: the last that does not count as passed.
+  EXPECT_DOUBLE_EQ(*PassingTime(params, TwoStages(0, 12.0), 0, 5.0, 11.0), 54.0);
+  EXPECT_DOUBLE_EQ(*PassingTime(params, TwoStages(0, 12.0), 0, 5.0, 10.5), 12.5);
+}
+
 TEST(GreenAdvice, AQueuePassesHeadwayByHeadway) {
-  const AdviceParams params;                   // 2 s, 2 s.
+  const AdviceParams params = TwoSeconds();
   const SignalTiming red = TwoStages(2, 2.0);  // Green for link 0 begins in 2 + 30 + 3 + 2 = 37 s.
   double ahead = -1.0;
   for (int k = 0; k < 9; ++k) {
@@ -75,9 +94,9 @@ TEST(GreenAdvice, AQueuePassesHeadwayByHeadway) {
 }
 
 TEST(GreenAdvice, ALinkThatIsNeverGreenHasNoPassingTime) {
-  EXPECT_FALSE(PassingTime({}, {true, {{10.0, "r"}, {3.0, "r"}}, 0, 5.0}, 0, 1.0, -1.0));
+  EXPECT_FALSE(PassingTime(TwoSeconds(), {true, {{10.0, "r"}, {3.0, "r"}}, 0, 5.0}, 0, 1.0, -1.0));
   // Nor one whose greens are shorter than delay and margin.
-  EXPECT_FALSE(PassingTime({}, {true, {{2.5, "G"}, {3.0, "y"}}, 1, 1.0}, 0, 0.5, -1.0));
+  EXPECT_FALSE(PassingTime(TwoSeconds(), {true, {{2.5, "G"}, {3.0, "y"}}, 1, 1.0}, 0, 0.5, -1.0));
 }
 
 TEST(GreenAdvice, TimeToReachByHand) {

@@ -73,6 +73,32 @@ TEST(JunctionMap, PlacesTheConflictWhereThePathsCross) {
   }
 }
 
+// 2.2 m on either side of where b's path crosses, 2 m behind the end of a's link of 12 m.
+TEST(JunctionMap, AConflictMayReachBeyondTheLinksEnd) {
+  const RoadNetwork network = CrossingBehindNet();
+  const JunctionMap map(network, FitLaneCurves(network, {}));
+  const auto areas = map.Areas(map.links()[1]);
+  ASSERT_EQ(areas.size(), 1u);
+  EXPECT_NEAR(areas[0].foe_begin, 14.0 - 2.2, 0.5);
+  EXPECT_NEAR(areas[0].foe_end, 14.0 + 2.2, 0.5);
+}
+
+// Whoever waits there starts only behind the tail of who has left the junction with its front already.
+TEST(JunctionRules, ATailBehindTheJunctionIsWaitedFor) {
+  VehicleParams lorry;
+  lorry.length = 16.0;
+  for (double distance = 5.0; distance < 60.0; distance += 5.0) {
+    Crossing crossing(CrossingBehindNet());
+    const std::size_t first = crossing.fleet.Add({"a", "a_out"}, 0, kArm - distance, 6.0, lorry);
+    const std::size_t second = crossing.fleet.Add({"b", "b_out"}, 0, kArm - 1.0, 0.0);
+    for (int k = 0; k < 250; ++k) {
+      crossing.fleet.Step(kStep);
+      ASSERT_LT(crossing.Overlap(), 0.0) << distance << " m, step " << k;
+    }
+    EXPECT_TRUE(crossing.Passed(first) && crossing.Passed(second));
+  }
+}
+
 TEST(JunctionRules, WhoHasPriorityIsNotHeldUpAndTheOtherWaits) {
   Crossing crossing(PriorityCrossing());
   const std::size_t major = crossing.From("w", 60.0, 13.0), minor = crossing.From("s", 40.0, 10.0);
@@ -117,6 +143,21 @@ TEST(JunctionRules, ABlockedFoeDoesNotBlock) {
   const std::size_t west = crossing.From("w", 20.0, 8.0);
   for (int k = 0; k < 60; ++k) crossing.fleet.Step(kStep);
   EXPECT_TRUE(crossing.Entered(west));
+}
+
+// When it comes, there seems to be room behind the slow one; when both are at the junction, there is less.
+TEST(JunctionRules, WhoMergesBehindASlowOneComesDownToItsSpeedInTime) {
+  for (double slow_at = 12.0; slow_at <= 16.0; slow_at += 1.0) {
+    Crossing merge(MergeNet());
+    const std::size_t slow = merge.fleet.Add({"w", "out"}, 0, kArm - slow_at, 5.0);
+    const std::size_t fast = merge.fleet.Add({"s", "out"}, 0, kArm - 45.0, 12.0);
+    for (int k = 0; k < 200; ++k) {
+      merge.fleet.Step(kStep);
+      ASSERT_LT(merge.Overlap(), 0.0) << slow_at << " m, step " << k;
+      ASSERT_GT(merge.fleet.traffic.now.accel[fast], -4.6) << slow_at << " m, step " << k;
+    }
+    EXPECT_TRUE(merge.Passed(slow) && merge.Passed(fast)) << slow_at;
+  }
 }
 
 TEST(JunctionRules, RightBeforeLeft) {

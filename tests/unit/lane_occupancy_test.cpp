@@ -65,6 +65,23 @@ TEST_F(LaneOccupancyTest, TheRearCountsToo) {
   EXPECT_EQ(On("e0_2"), Rows{});
 }
 
+// In the junction with its front, 2 m deep, a 5 m car still has its tail on the lane before; 6 m deep no
+// more.
+TEST_F(LaneOccupancyTest, ATailStillStandsOnTheLaneBeforeTheJunction) {
+  const LaneIndex before = network_.FindLane("e0_1");
+  const LaneIndex inside = network_.connections[network_.lanes[before].outgoing.front()].via;
+  const std::size_t row = scene_.Add({"e0", "e1"}, 1, 0.0, 5.0);
+  scene_.traffic().now.lane[row] = inside;
+  scene_.traffic().now.s[row] = 2.0;
+  EXPECT_EQ(On("e0_1"), (Rows{0}));
+  LaneOccupancy occupancy(network_);
+  occupancy.Build(scene_.traffic());
+  EXPECT_DOUBLE_EQ(occupancy.On(before).front().s, network_.lanes[before].length + 2.0);
+  EXPECT_EQ(occupancy.On(inside).size(), 1u);
+  scene_.traffic().now.s[row] = 6.0;
+  EXPECT_EQ(On("e0_1"), Rows{});
+}
+
 // As many vehicles as before, but all of them in two lanes: warm-up has made room for that.
 TEST_F(LaneOccupancyTest, MoreStraddlersDoNotAllocate) {
   for (int k = 0; k < 10; ++k) scene_.Add({"e0"}, 1, 10.0 + 15.0 * k, 5.0);

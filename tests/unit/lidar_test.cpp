@@ -146,6 +146,10 @@ TEST_P(SectorCount, EqualsCastingEveryBeam) {
     const SectorCounts cast = lidar.Count(ranges, zone);
     ASSERT_EQ(lidar.CountExactly(random.scene, errors, zone), cast) << "seed " << seed;
     for (const int count : cast) counted += count;
+    for (const int min_points : {0, 10, 40}) {
+      ASSERT_EQ(lidar.Code(random.scene, errors, zone, min_points), SectorCode(cast, min_points))
+          << "seed " << seed << ", more than " << min_points;
+    }
   }
   EXPECT_GT(counted, 1000);
 }

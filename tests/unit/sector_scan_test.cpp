@@ -12,7 +12,7 @@ namespace {
 
 struct Seen {
   std::vector<double> ranges;
-  SectorScan scan;
+  std::uint8_t code;
 };
 
 /// The zone reaches 5 m ahead at standstill.
@@ -31,12 +31,12 @@ Seen Look(Scene* scene, const AgentParams& params, double leader_speed = 0.0) {
   const Lidar lidar(params.lidar);
   LidarScene reflectors;
   Seen seen;
-  seen.scan = ScanSectors(world, 0, way, view, params, lidar, leader_speed, {}, &reflectors);
+  seen.code = ScanSectors(world, 0, way, view, params, lidar, leader_speed, {}, &reflectors);
   CollectReflectors(world, 0, way, view, params.lidar.max_range, 0.0, &reflectors);
   seen.ranges.resize(1081);
   lidar.Cast(reflectors, {}, seen.ranges);
-  EXPECT_EQ(seen.scan.counts,
-            lidar.Count(seen.ranges, ZoneForSpeed(params, 1.8, world.traffic->now.speed[0], leader_speed)));
+  const AvoidanceZone zone = ZoneForSpeed(params, 1.8, world.traffic->now.speed[0], leader_speed);
+  EXPECT_EQ(seen.code, SectorCode(lidar.Count(seen.ranges, zone), params.sector.min_points));
   return seen;
 }
 
@@ -50,8 +50,8 @@ TEST(SectorScan, BordersAreThoseOfTheRoad) {
   EXPECT_NEAR(seen.ranges[900], 4.8, 0.01);  // +90 deg
   EXPECT_EQ(seen.ranges[540], std::numeric_limits<double>::infinity());
   // The borders block the side sectors, not the strip ahead.
-  EXPECT_EQ(seen.scan.code & 0b00011000, 0b00011000);
-  EXPECT_EQ(seen.scan.code & 0b11100000, 0);
+  EXPECT_EQ(seen.code & 0b00011000, 0b00011000);
+  EXPECT_EQ(seen.code & 0b11100000, 0);
 }
 
 // A car 4 m ahead (its rear) fills the strip; one beside and ahead on the left lane blocks left sectors only.
@@ -61,12 +61,12 @@ TEST(SectorScan, VehiclesAheadAndBeside) {
   scene.Add({"e0"}, 0, 200.0, 0.0);
   scene.Add({"e0"}, 1, 207.0, 0.0);
   const Seen beside = Look(&scene, Params());
-  EXPECT_EQ(beside.scan.code & 0b00011000, 0b00011000);
-  EXPECT_EQ(beside.scan.code & 0b00000111, 0);
+  EXPECT_EQ(beside.code & 0b00011000, 0b00011000);
+  EXPECT_EQ(beside.code & 0b00000111, 0);
   scene.Add({"e0"}, 0, 209.0, 0.0);  // 5 m long: rear at 204.
   const Seen ahead = Look(&scene, Params());
   EXPECT_NEAR(ahead.ranges[540], 4.0, 1e-6);
-  EXPECT_EQ(ahead.scan.code & 0b00011000, 0);
+  EXPECT_EQ(ahead.code & 0b00011000, 0);
 }
 
 // At 10 m/s a car 15 m ahead is within the 20.75 m of the zone; one that drives as fast needs no braking for.
@@ -75,8 +75,8 @@ TEST(SectorScan, ALeaderAtTheSameSpeedDoesNotBlock) {
   Scene scene(network);
   scene.Add({"e0"}, 0, 200.0, 10.0);
   scene.Add({"e0"}, 0, 220.0, 10.0);
-  EXPECT_EQ(Look(&scene, Params()).scan.code & 0b00011000, 0);
-  EXPECT_EQ(Look(&scene, Params(), 10.0).scan.code & 0b00011000, 0b00011000);
+  EXPECT_EQ(Look(&scene, Params()).code & 0b00011000, 0);
+  EXPECT_EQ(Look(&scene, Params(), 10.0).code & 0b00011000, 0b00011000);
 }
 
 // Persons are rows behind the vehicles; they reflect as boxes of their size.

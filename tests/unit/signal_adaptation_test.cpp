@@ -33,6 +33,7 @@ TEST(SignalAdaptation, DelayOfOneQueueByHand) {
 
 TEST(SignalAdaptation, LinksThatYieldLeaveAtHalfTheRate) {
   AdviceParams flow;
+  flow.headway = 2.0;
   flow.start_delay = 0.0;
   std::vector<SignalPhase> phases = kProgram;
   phases[0].state = "gr";

@@ -80,7 +80,9 @@ TEST_F(TacticsTest, WhoWouldHaltAtItsLanesEndLeavesItsRoute) {
   AgentParams params;
   params.lane_change.max_detour = 300.0;
   EXPECT_TRUE(scene_.Decide(0, params).leaves_route);
-  EXPECT_FALSE(scene_.Decide(0).leaves_route);  // Unless it may.
+  params.lane_change.max_detour = 0.0;  // Unless it may not.
+  EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
+  params.lane_change.max_detour = 300.0;
   scene_.traffic().now.speed[0] = 2.0;
   EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
   scene_.traffic().now.speed[0] = 0.8;

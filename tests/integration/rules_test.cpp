@@ -1,0 +1,77 @@
+// rules = agent: SUMO's checks are off everywhere, and the agents answer for signals and right of way.
+
+#include <gtest/gtest.h>
+
+#include "tests/support/sumo_run.h"
+
+namespace lanewise {
+namespace {
+
+std::int64_t Count(const RunReport& report, RuleEventKind kind) {
+  return report.rule_events[static_cast<std::size_t>(kind)];
+}
+
+RunConfig ByAgents(const std::string& scenario, double end) {
+  RunConfig config = ShippedRun(scenario, Policy::kDwa, end);
+  config.rules = Rules::kAgent;
+  return config;
+}
+
+class OwnRules : public testing::TestWithParam<const char*> {};
+
+TEST_P(OwnRules, AllArriveWithoutAContactAndNotSlowerThanNatively) {
+  const TemporaryFolder folder;
+  RunConfig config = ByAgents(GetParam(), 1200.0);
+  config.results = folder / "agent.sqlite";
+  const RunReport report = RunResolved(config);
+  config.policy = Policy::kSumo;
+  config.results = folder / "native.sqlite";
+  const RunReport native = RunResolved(config);
+  EXPECT_EQ(report.outcome.arrived, native.outcome.arrived);
+  EXPECT_GT(report.outcome.arrived, 100);
+  EXPECT_EQ(report.outcome.teleported, 0);
+  EXPECT_EQ(MidBlock(report).different, 0);
+  EXPECT_EQ(Count(report, RuleEventKind::kRedLight), 0);
+  EXPECT_EQ(Count(report, RuleEventKind::kStandstill), 0);
+  EXPECT_EQ(Query(folder / "agent.sqlite", "SELECT COUNT(*) FROM collision"), 0.0);
+  const char* loss = "SELECT AVG(time_loss_s) FROM trip WHERE trip_end = 'arrived'";
+  EXPECT_LT(Query(folder / "agent.sqlite", loss), 1.1 * Query(folder / "native.sqlite", loss));
+  // No check of SUMO's guards a junction.
+  EXPECT_EQ(report.audit.by_cause[static_cast<std::size_t>(AuditCause::kJunctionGuard)].steps, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Networks, OwnRules, testing::Values("priority_crossing", "roundabout"));
+
+// Where a turn passes the kerb at which persons wait, the lanes' own shapes leave no room for a car's body.
+TEST(OwnRules, NobodyRunsARedLightInTheTownAndCarsDoNotTouch) {
+  const TemporaryFolder folder;
+  RunConfig config = ByAgents("town", 200.0);
+  config.results = folder / "town.sqlite";
+  const RunReport report = RunResolved(config);
+  EXPECT_EQ(Count(report, RuleEventKind::kRedLight), 0);
+  EXPECT_EQ(Count(report, RuleEventKind::kStandstill), 0);
+  EXPECT_EQ(MidBlock(report).different, 0);
+  EXPECT_GT(report.outcome.arrived, 50);
+  EXPECT_EQ(Query(*config.results,
+                  "SELECT COUNT(*) FROM collision JOIN vehicle AS a ON a.vehicle_number = first_vehicle JOIN "
+                  "vehicle AS b ON b.vehicle_number = second_vehicle WHERE a.vclass <> 'pedestrian' AND "
+                  "b.vclass <> 'pedestrian'"),
+            0.0);
+}
+
+// Half of the vehicles are SUMO's: each kind gives the other its right of way.
+TEST(OwnRules, AgentsAndNativeVehiclesRespectEachOther) {
+  const TemporaryFolder folder;
+  RunConfig config = ByAgents("priority_crossing", 1200.0);
+  config.penetration = 0.5;
+  config.results = folder / "mixed.sqlite";
+  const RunReport report = RunResolved(config);
+  EXPECT_EQ(report.outcome.arrived, report.outcome.inserted);
+  EXPECT_GT(report.outcome.arrived, 100);
+  EXPECT_EQ(report.outcome.policy_shares.size(), 2u);
+  EXPECT_EQ(Query(*config.results, "SELECT COUNT(*) FROM collision"), 0.0);
+  EXPECT_EQ(Count(report, RuleEventKind::kStandstill), 0);
+}
+
+}  // namespace
+}  // namespace lanewise
