@@ -37,11 +37,11 @@ struct DispatchParams {
 
 /// Slots at junctions without signals.
 struct SlotParams {
-  double range{200.0};
+  double range{250.0};
   double interval{0.5};
   double fixed_time{4.0};
   double margin{0.6};
-  double headway{0.8};
+  double headway{1.0};
   double max_age{1.0};
 };
 
@@ -100,7 +100,7 @@ struct CoordinationParams {
     field("slots.interval", p.slots.interval, "s", Range{0.1, 5}, "arrivals are planned anew so often",
           "own choice");
     field("slots.fixed_time", p.slots.fixed_time, "s", Range{0, 20},
-          "who could be there within this time keeps its place in the order", "own choice");
+          "who could be there within this time keeps its place in the order", "own choice: a stop and a message");
     field("slots.margin", p.slots.margin, "s", Range{0.1, 5},
           "between one vehicle's leaving the common area and the next one's coming to it", "own choice");
     field("slots.headway", p.slots.headway, "s", Range{0.3, 5},

@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
+#include "agents/coordination/arrival_plan.h"
 #include "agents/coordination/coordination_params.h"
 #include "agents/network/road_network.h"
 #include "agents/rules/junction_map.h"
@@ -27,12 +27,15 @@ struct HeardSlots {
 
   /// A vehicle's place in the order, or kNone.
   std::int32_t TurnOf(StationId vehicle, std::int32_t connection) const;
+  /// [s] until the front of the one with that turn is at its stop line.
+  double TimeOf(std::int32_t turn) const { return slots[static_cast<std::size_t>(turn)].time - age; }
 };
 
-/// Roadside coordinators of junctions without signals: each hears the vehicles that come, gives them turns
-/// (in an order with little delay in sum), plans their arrivals together (PlanArrivals) such
-/// that no two conflict, and tells them. Nobody is bound: who has heard its slot drives towards it, and takes
-/// a turn before one with the right of way only where that one's present motion leaves the gap.
+/// Roadside coordinators of junctions without signals: each hears the vehicles that come and gives them turns.
+/// A vehicle is put into the order where the delays are least in sum, and from some seconds before the
+/// junction on it keeps its place among the others. For that order the arrivals are planned together
+/// (PlanArrivals), such that no two conflict, and told. Who does not take its turn loses it: then the rules of
+/// the road apply to it.
 class JunctionSlots {
  public:
   /// @param memory [s] for which a receiver keeps a message: v2x.memory.
@@ -45,34 +48,42 @@ class JunctionSlots {
 
   /// What `vehicle` has heard from the junction behind `connection`, if that was lately.
   std::optional<HeardSlots> Heard(const Channel& channel, StationId vehicle, std::int32_t connection) const;
-  /// Speed [m/s] with which a vehicle `distance` [m] before its stop line approaches its slot; nothing
-  /// without one.
-  std::optional<double> ApproachSpeed(const Channel& channel, StationId vehicle, std::int32_t connection,
-                                      double distance) const;
+  /// Speed [m/s] with which a vehicle, `distance` [m] before its stop line, approaches it to be there in `time`
+  /// [s]. @param wanted [m/s] it drives at if it is free.
+  static double ApproachSpeed(const JunctionLink& link, double distance, double speed, double wanted, double time);
   const SlotParams& params() const { return params_; }
 
   /// May a coordinator stand there: a junction without signals, at which ways conflict?
   static bool CanCoordinate(const RoadNetwork& network, const JunctionMap& map, std::int32_t junction);
 
  private:
+  /// A vehicle the coordinator knows of.
+  struct Turn {
+    StationId vehicle{kNone};
+    std::int32_t connection{kNone}, link{kNone};
+    double length{0.0}, extra{0.0};  // [m] its length, and by how much it reaches beyond a car's sides.
+    Arrival arrival;
+    double time{0.0};     // [s] planned for its front at the stop line, from the last plan on.
+    bool placed{false};   // It is in the order,
+    bool fixed{false};    // and keeps its place there.
+    bool passed{false};   // It is behind the line; time is when it was there, <= 0.
+    double refused{0.0};  // [s] for which it has stood though nobody before it was in its way.
+    bool lost{false};     // Has therefore no turn.
+  };
   struct Unit {
     StationId station{kNone};
-    std::vector<Slot> slots;      // Of the last plan, times from then on.
+    std::int32_t junction{kNone};
+    std::vector<Turn> turns;      // In their order.
     std::int32_t planned_at{-1};  // Step.
   };
-  struct Request {
-    StationId vehicle;
-    std::int32_t connection, link;
-    double distance, speed, length, earliest;
-    std::int32_t before;  // Turn in the last plan; kNone: none.
-  };
 
-  void Plan(const Channel& channel, Unit* unit);
-  std::optional<double> TimeBetween(const Request& first, const Request& second) const;
-  double Limit(std::int32_t connection) const;  // [m/s] before the junction,
-  double CrossingSpeed(std::int32_t connection) const;  // and through it.
-  double SumOfDelays(const std::vector<Request>& order) const;
-  void PutInOrder(std::vector<Request>* requests) const;
+  static Arrival ArrivalAt(const JunctionLink& link, double distance, double speed, double wanted);
+  const JunctionLink& LinkOf(const Turn& turn) const { return map_.links()[static_cast<std::size_t>(turn.link)]; }
+  void Plan(const Channel& channel, double dt, Unit* unit) const;
+  void Update(const Channel& channel, double dt, double elapsed, Unit* unit) const;
+  void WithdrawRefused(double elapsed, std::vector<Turn>* turns) const;
+  void PutInOrder(std::vector<Turn>* turns) const;
+  std::optional<double> TimeBetween(const Turn& first, const Turn& second) const;
 
   const RoadNetwork& network_;
   const JunctionMap& map_;

@@ -7,13 +7,12 @@
 #include <vector>
 
 #include "agents/agent_params.h"
+#include "agents/coordination/junction_slots.h"
 #include "agents/rules/junction_map.h"
 #include "agents/sensing/road_view.h"
 #include "agents/traffic.h"
 
 namespace lanewise {
-
-class JunctionSlots;
 
 /// A road user on its way to a link, or on it.
 struct Approach {
@@ -76,17 +75,24 @@ class JunctionRules {
     bool hard{false};  // Somebody is in the way: brake as hard as need be.
   };
 
+  /// The ego's turn at the junction ahead, as it has heard.
+  struct OwnTurn {
+    HeardSlots heard;
+    std::int32_t turn;
+    double time;  // [s] until its front is at the stop line.
+  };
+
   void ListLinks(const World& world, AgentIndex row);
   void ListPersons(const World& world);
   Approach* Append(AgentIndex row, std::int32_t link, double distance);
   Verdict CheckLink(const World& world, AgentIndex ego, const Approach& own, const WayAhead& way, int forced,
-                    RuleAnswer* answer) const;
+                    const OwnTurn* turn, RuleAnswer* answer) const;
   AgentIndex BlockerBehind(const World& world, AgentIndex ego, const Approach& own, const WayAhead& way,
                            bool* blocked) const;
   bool GivesWay(const World& world, const Approach& own, const ConflictArea& area, const Approach& other,
-                char state, int forced, bool* hard) const;
+                char state, int forced, const OwnTurn* turn, bool* hard) const;
+  std::optional<OwnTurn> TurnOf(const World& world, const Approach& own) const;
   int Forced(const World& world, AgentIndex ego) const;
-  std::optional<bool> IsOwnTurn(const World& world, const Approach& own, const Approach& other) const;
   bool WaitsFor(const World& world, AgentIndex row, AgentIndex whom) const;
   AgentIndex RowOf(std::int32_t number) const;
   double TimeTo(const World& world, const Approach& approach, double position, double accel_share) const;

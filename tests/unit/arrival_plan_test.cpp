@@ -2,18 +2,47 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace lanewise {
 namespace {
 
 Arrival At(double distance, double speed) {
-  return {distance, speed, 10.0, 10.0, distance / 10.0};
+  return {distance, speed, 10.0, 10.0, 0.0};
+}
+
+TEST(EarliestArrival, FollowsFromTheProfile) {
+  EXPECT_NEAR(EarliestArrival(At(100.0, 10.0)), 10.0, 1e-9);
+  // From rest at 1.5 m/s^2: 48 m and 8 s to 12 m/s; 12 m are enough for 6 m/s.
+  const Arrival rest{48.0, 0.0, 12.0, 12.0, 0.0}, near{12.0, 0.0, 12.0, 12.0, 0.0};
+  EXPECT_NEAR(EarliestArrival(rest), 8.0, 1e-9);
+  EXPECT_NEAR(LineSpeed(rest), 12.0, 1e-9);
+  EXPECT_NEAR(EarliestArrival(near), 4.0, 1e-9);
+  EXPECT_NEAR(LineSpeed(near), 6.0, 1e-9);
+  // Before a bend: 60 m at 12 m/s, then 2 s and 18 m down to 6 m/s at 3 m/s^2.
+  EXPECT_NEAR(EarliestArrival({78.0, 12.0, 12.0, 6.0, 0.0}), 7.0, 1e-9);
+  // Without a limit it speeds up from 6 to 10 m/s in 2.67 s and slows down again in 1.33 s.
+  EXPECT_NEAR(EarliestArrival({32.0, 6.0, 50.0, 6.0, 0.0}), 4.0, 1e-9);
+  // Too fast for the bend: it passes the line at the speed that braking leaves.
+  const Arrival fast{8.0, 10.0, 10.0, 2.0, 0.0};
+  EXPECT_NEAR(LineSpeed(fast), std::sqrt(100.0 - 48.0), 1e-9);
+  EXPECT_NEAR(EarliestArrival(fast), 16.0 / (10.0 + std::sqrt(52.0)), 1e-9);
+}
+
+// At 5 m/s: 12.5 m and 1.67 s to slow down, 25 m and 3.33 s to speed up, 62.5 m and 12.5 s between them.
+TEST(CruiseToArrive, LeavesTheRunUp) {
+  EXPECT_NEAR(CruiseToArrive(At(100.0, 10.0), 17.5), 5.0, 0.01);
+  EXPECT_DOUBLE_EQ(CruiseToArrive(At(100.0, 10.0), 9.0), 10.0);  // Late already: as fast as it may.
+  // 5 m before the line there is no room to speed up again: slower over the line, and no faster than needed.
+  EXPECT_NEAR(CruiseToArrive(At(5.0, 4.0), 2.5), 2.0, 0.2);
+  EXPECT_LE(CruiseToArrive(At(5.0, 4.0), 60.0), 5.0 / 60.0);
 }
 
 TEST(PlanArrivals, WhoIsAloneDrivesOnAsItLikes) {
   const Arrival alone[] = {At(100.0, 10.0)};
   const auto times = PlanArrivals(alone, {});
   ASSERT_EQ(times.size(), 1u);
-  EXPECT_NEAR(times[0], 10.0, 1e-3);
+  EXPECT_NEAR(times[0], 10.0, 1e-9);
   EXPECT_TRUE(PlanArrivals({}, {}).empty());
 }
 
@@ -22,9 +51,18 @@ TEST(PlanArrivals, TheSecondMakesRoom) {
   const Arrival both[] = {At(100.0, 10.0), At(100.0, 10.0)};
   const Separation apart[] = {{0, 1, 2.0}};
   const auto times = PlanArrivals(both, apart);
-  EXPECT_NEAR(times[0], 10.0, 0.1);
+  EXPECT_NEAR(times[0], 10.0, 0.05);
   EXPECT_GE(times[1], times[0] + 2.0 - 1e-9);
-  EXPECT_NEAR(times[1], 12.0, 0.1);
+  EXPECT_NEAR(times[1], 12.0, 0.05);
+}
+
+TEST(PlanArrivals, NobodyComesBeforeItMay) {
+  Arrival arrivals[] = {At(100.0, 10.0), At(120.0, 10.0)};
+  arrivals[0].not_before = 13.0;
+  const Separation apart[] = {{0, 1, 1.5}};
+  const auto times = PlanArrivals(arrivals, apart);
+  EXPECT_NEAR(times[0], 13.0, 0.05);
+  EXPECT_NEAR(times[1], 14.5, 0.1);
 }
 
 TEST(PlanArrivals, AChainOfSeparationsHolds) {
@@ -36,21 +74,15 @@ TEST(PlanArrivals, AChainOfSeparationsHolds) {
       if ((k - i) % 2 == 1) separations.push_back({i, k, 1.5});
     }
   }
+  const auto first = FirstTimes(arrivals, separations);
   const auto times = PlanArrivals(arrivals, separations);
   for (const Separation& s : separations) {
     EXPECT_GE(times[static_cast<std::size_t>(s.second)], times[static_cast<std::size_t>(s.first)] + 1.5 - 1e-9);
   }
-  for (std::size_t k = 0; k < times.size(); ++k) EXPECT_GE(times[k], arrivals[k].earliest - 1e-9);
-}
-
-// 100 m in 12 s, passing at 10 m/s: u for (100 - (100 - u^2) / 3) / u + (10 - u) / 1.5 = 12.
-TEST(SpeedToPass, LeavesTheRunUp) {
-  const double u = SpeedToPass(100.0, 12.0, 10.0, 10.0);
-  EXPECT_NEAR((100.0 - (100.0 - u * u) / 3.0) / u + (10.0 - u) / 1.5, 12.0, 1e-5);
-  EXPECT_LT(u, 100.0 / 12.0);
-  EXPECT_DOUBLE_EQ(SpeedToPass(100.0, 9.0, 10.0, 10.0), 10.0);  // Late already.
-  // 5 m before the line there is no room to speed up from 4 m/s: at the mean speed, then.
-  EXPECT_NEAR(SpeedToPass(5.0, 2.5, 10.0, 10.0), 2.0, 1e-9);
+  for (std::size_t k = 0; k < times.size(); ++k) {
+    EXPECT_GE(times[k], EarliestArrival(arrivals[k]) - 1e-9);
+    EXPECT_NEAR(times[k], first[k], 0.5);  // Comfort costs little.
+  }
 }
 
 }  // namespace
