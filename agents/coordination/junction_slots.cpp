@@ -195,6 +195,7 @@ void JunctionSlots::Update(const Channel& channel, double dt, double elapsed, Un
                                  message.speed, message.wanted_speed);
       } else if (turn.arrival.distance < 0.5 * params_.range) {
         turn.passed = true;
+        turn.placed = false;
         turn.time = std::min(turn.time, -heard->age);
         turn.arrival.distance = 0.0;
         turn.arrival.speed = message.speed;
