@@ -33,8 +33,10 @@ TEST(EarliestArrival, FollowsFromTheProfile) {
 TEST(CruiseToArrive, LeavesTheRunUp) {
   EXPECT_NEAR(CruiseToArrive(At(100.0, 10.0), 17.5), 5.0, 0.01);
   EXPECT_DOUBLE_EQ(CruiseToArrive(At(100.0, 10.0), 9.0), 10.0);  // Late already: as fast as it may.
-  // 5 m before the line there is no room to speed up again: slower over the line, and no faster than needed.
-  EXPECT_NEAR(CruiseToArrive(At(5.0, 4.0), 2.5), 2.0, 0.2);
+  // 5 m before the line it cannot come back to 10 m/s: down to u, and up again over the line.
+  const double u = CruiseToArrive(At(5.0, 4.0), 2.5);
+  const double line = std::sqrt(u * u + 2.0 * kProfileAccel * (5.0 - (16.0 - u * u) / (2.0 * kProfileDecel)));
+  EXPECT_NEAR((4.0 - u) / kProfileDecel + (line - u) / kProfileAccel, 2.5, 0.05);
   EXPECT_LE(CruiseToArrive(At(5.0, 4.0), 60.0), 5.0 / 60.0);
 }
 
