@@ -62,7 +62,8 @@ std::string CoordinationText(const CoordinationSwitches& switches) {
   for (const Switch& s : kSwitches) {
     if (switches.*s.member) names.emplace_back(s.name);
   }
-  for (const std::string& junction : switches.slot_junctions) names.back() += ":" + junction;  // Slots are last.
+  for (const std::string& junction : switches.slot_junctions)
+    names.back() += ":" + junction;  // Slots are last.
   return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ","));
 }
 
@@ -99,7 +100,8 @@ void Coordination::InstallSlots(const SlotParams& params, AgentPipeline* pipelin
   const JunctionMap& map = pipeline->rules()->map();
   std::vector<std::int32_t> junctions;
   for (std::int32_t j = 0; j < std::ssize(network_.junctions); ++j) {
-    if (switches_.slot_junctions.empty() && JunctionSlots::CanCoordinate(network_, map, j)) junctions.push_back(j);
+    if (switches_.slot_junctions.empty() && JunctionSlots::CanCoordinate(network_, map, j))
+      junctions.push_back(j);
   }
   for (const std::string& id : switches_.slot_junctions) {
     const auto found = std::find_if(network_.junctions.begin(), network_.junctions.end(),
@@ -108,10 +110,10 @@ void Coordination::InstallSlots(const SlotParams& params, AgentPipeline* pipelin
     if (found == network_.junctions.end())
       throw ConfigError(fmt::format("--coordinate slots: no junction '{}' in the network", id));
     if (!JunctionSlots::CanCoordinate(network_, map, j))
-      throw ConfigError(
-          fmt::format("--coordinate slots: junction '{}' ({}) has signals, or no ways that conflict; allowed: "
-                      "junctions without signals where ways conflict",
-                      id, found->type));
+      throw ConfigError(fmt::format(
+          "--coordinate slots: junction '{}' ({}) has signals, or no ways that conflict; allowed: "
+          "junctions without signals where ways conflict",
+          id, found->type));
     junctions.push_back(j);
   }
   slots_ = std::make_unique<JunctionSlots>(network_, map, params, pipeline->params().v2x.memory);

@@ -27,7 +27,8 @@ struct CoordinationSwitches {
   bool any() const { return green_advice || signals || dispatch || slots; }
 };
 
-/// --coordinate: names separated by commas, or `none`; `slots` may name junctions: slots:A:B. @throws ConfigError naming what is allowed.
+/// --coordinate: names separated by commas, or `none`; `slots` may name junctions: slots:A:B. @throws
+/// ConfigError naming what is allowed.
 CoordinationSwitches ParseCoordination(std::string_view list);
 std::string CoordinationText(const CoordinationSwitches& switches);
 
@@ -74,7 +75,7 @@ class Coordination {
   Roadside roadside_;
   SignalAdaptation adaptation_;
   Dispatcher dispatcher_;
-  std::unique_ptr<JunctionSlots> slots_;  // Null: no coordinators of junctions.
+  std::unique_ptr<JunctionSlots> slots_;               // Null: no coordinators of junctions.
   std::vector<std::uint8_t> may_hold_;                 // By row.
   std::unordered_map<std::int32_t, Advised> advised_;  // By vehicle number.
   std::vector<CoordinationEvent> events_;

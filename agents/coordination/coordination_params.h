@@ -100,7 +100,8 @@ struct CoordinationParams {
     field("slots.interval", p.slots.interval, "s", Range{0.1, 5}, "arrivals are planned anew so often",
           "own choice");
     field("slots.fixed_time", p.slots.fixed_time, "s", Range{0, 20},
-          "who could be there within this time keeps its place in the order", "own choice: a stop and a message");
+          "who could be there within this time keeps its place in the order",
+          "own choice: a stop and a message");
     field("slots.margin", p.slots.margin, "s", Range{0.1, 5},
           "between one vehicle's leaving the common area and the next one's coming to it", "own choice");
     field("slots.headway", p.slots.headway, "s", Range{0.3, 5},

@@ -31,11 +31,11 @@ struct HeardSlots {
   double TimeOf(std::int32_t turn) const { return slots[static_cast<std::size_t>(turn)].time - age; }
 };
 
-/// Roadside coordinators of junctions without signals: each hears the vehicles that come and gives them turns.
-/// A vehicle is put into the order where the delays are least in sum, and from some seconds before the
+/// Roadside coordinators of junctions without signals: each hears the vehicles that come and gives them
+/// turns. A vehicle is put into the order where the delays are least in sum, and from some seconds before the
 /// junction on it keeps its place among the others. For that order the arrivals are planned together
-/// (PlanArrivals), such that no two conflict, and told. Who does not take its turn loses it: then the rules of
-/// the road apply to it.
+/// (PlanArrivals), such that no two conflict, and told. Who does not take its turn loses it: then the rules
+/// of the road apply to it.
 class JunctionSlots {
  public:
   /// @param memory [s] for which a receiver keeps a message: v2x.memory.
@@ -48,9 +48,10 @@ class JunctionSlots {
 
   /// What `vehicle` has heard from the junction behind `connection`, if that was lately.
   std::optional<HeardSlots> Heard(const Channel& channel, StationId vehicle, std::int32_t connection) const;
-  /// Speed [m/s] with which a vehicle, `distance` [m] before its stop line, approaches it to be there in `time`
-  /// [s]. @param wanted [m/s] it drives at if it is free.
-  static double ApproachSpeed(const JunctionLink& link, double distance, double speed, double wanted, double time);
+  /// Speed [m/s] with which a vehicle, `distance` [m] before its stop line, approaches it to be there in
+  /// `time` [s]. @param wanted [m/s] it drives at if it is free.
+  static double ApproachSpeed(const JunctionLink& link, double distance, double speed, double wanted,
+                              double time);
   const SlotParams& params() const { return params_; }
 
   /// May a coordinator stand there: a junction without signals, at which ways conflict?
@@ -78,7 +79,9 @@ class JunctionSlots {
   };
 
   static Arrival ArrivalAt(const JunctionLink& link, double distance, double speed, double wanted);
-  const JunctionLink& LinkOf(const Turn& turn) const { return map_.links()[static_cast<std::size_t>(turn.link)]; }
+  const JunctionLink& LinkOf(const Turn& turn) const {
+    return map_.links()[static_cast<std::size_t>(turn.link)];
+  }
   void Plan(const Channel& channel, double dt, Unit* unit) const;
   void Update(const Channel& channel, double dt, double elapsed, Unit* unit) const;
   void WithdrawRefused(double elapsed, std::vector<Turn>* turns) const;
@@ -91,7 +94,8 @@ class JunctionSlots {
   double memory_;  // [s]
   std::vector<std::int32_t> unit_of_junction_;
   std::vector<Unit> units_;
-  std::vector<std::vector<Slot>> messages_;  // A ring: as many steps as messages are remembered, units within.
+  std::vector<std::vector<Slot>>
+      messages_;  // A ring: as many steps as messages are remembered, units within.
   std::uint64_t posted_{0};
   std::int32_t step_{0};
 };

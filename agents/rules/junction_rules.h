@@ -101,8 +101,8 @@ class JunctionRules {
   AgentParams params_;
   JunctionMap map_;
   const JunctionSlots* slots_{nullptr};  // Null: no coordinators.
-  std::vector<Approach> own_;       // By row, kMaxLinks each.
-  std::vector<std::int8_t> count_;  // By row.
+  std::vector<Approach> own_;            // By row, kMaxLinks each.
+  std::vector<std::int8_t> count_;       // By row.
   std::vector<Approach> by_link_;
   std::vector<std::uint32_t> link_start_, link_fill_;
   std::vector<AgentIndex> row_of_number_;

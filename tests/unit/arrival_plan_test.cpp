@@ -79,7 +79,8 @@ TEST(PlanArrivals, AChainOfSeparationsHolds) {
   const auto first = FirstTimes(arrivals, separations);
   const auto times = PlanArrivals(arrivals, separations);
   for (const Separation& s : separations) {
-    EXPECT_GE(times[static_cast<std::size_t>(s.second)], times[static_cast<std::size_t>(s.first)] + 1.5 - 1e-9);
+    EXPECT_GE(times[static_cast<std::size_t>(s.second)],
+              times[static_cast<std::size_t>(s.first)] + 1.5 - 1e-9);
   }
   for (std::size_t k = 0; k < times.size(); ++k) {
     EXPECT_GE(times[k], EarliestArrival(arrivals[k]) - 1e-9);
