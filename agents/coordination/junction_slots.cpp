@@ -204,8 +204,8 @@ void JunctionSlots::Update(const Channel& channel, double dt, double elapsed, Un
       }
     }
     const double way = LinkOf(turn).length + turn.length + kStandstillGap;
-    if (turn.passed && -turn.time > kKept + TimeToReach(way, turn.arrival.speed, turn.arrival.crossing,
-                                                        kProfileAccel))
+    if (turn.passed &&
+        -turn.time > kKept + TimeToReach(way, turn.arrival.speed, turn.arrival.crossing, kProfileAccel))
       continue;
     kept.push_back(turn);
   }
@@ -337,7 +337,8 @@ void JunctionSlots::Plan(const Channel& channel, double dt, Unit* unit) const {
 void JunctionSlots::Broadcast(double dt, Channel* channel) {
   const auto steps = static_cast<std::size_t>(memory_ / dt) + 2;
   messages_.resize(steps * units_.size());
-  const auto interval = std::max<std::int32_t>(1, static_cast<std::int32_t>(std::lround(params_.interval / dt)));
+  const auto interval =
+      std::max<std::int32_t>(1, static_cast<std::int32_t>(std::lround(params_.interval / dt)));
   for (Unit& unit : units_) {
     if (unit.planned_at < 0 || step_ - unit.planned_at >= interval) Plan(*channel, dt, &unit);
     const double elapsed = dt * (step_ - unit.planned_at);
