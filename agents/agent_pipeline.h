@@ -42,6 +42,8 @@ class AgentPipeline {
   const JunctionRules* rules() const { return rules_.get(); }
   /// Has the agents take green-light advice from these units from now on.
   void AdviseBy(const Roadside* roadside) { roadside_ = roadside; }
+  /// Has the agents keep to the turns of these coordinators; they answer for the rules.
+  void CoordinateBy(const JunctionSlots* slots) { rules_->CoordinateBy(slots); }
   /// By row: what the agents were advised in the last step.
   std::span<const Advice> advice() const { return advice_; }
 

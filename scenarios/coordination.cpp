@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "agents/coordination/junction_slots.h"
 #include "agents/coordination/signal_plan.h"
 #include "agents/core/check.h"
 
@@ -23,7 +24,8 @@ struct Switch {
 };
 constexpr Switch kSwitches[] = {{"green-advice", &CoordinationSwitches::green_advice},
                                 {"signals", &CoordinationSwitches::signals},
-                                {"dispatch", &CoordinationSwitches::dispatch}};
+                                {"dispatch", &CoordinationSwitches::dispatch},
+                                {"slots", &CoordinationSwitches::slots}};
 
 }  // namespace
 
@@ -32,13 +34,21 @@ CoordinationSwitches ParseCoordination(std::string_view list) {
   if (list == "none") return switches;
   for (std::size_t from = 0; from <= list.size();) {
     const std::size_t comma = std::min(list.find(',', from), list.size());
-    const std::string_view name = list.substr(from, comma - from);
+    std::string_view name = list.substr(from, comma - from);
+    if (name.starts_with("slots:")) {
+      for (std::size_t at = name.find(':'); at != std::string_view::npos;) {
+        const std::size_t next = name.find(':', at + 1);
+        switches.slot_junctions.emplace_back(name.substr(at + 1, next - at - 1));
+        at = next;
+      }
+      name = "slots";
+    }
     const auto* found = std::find_if(std::begin(kSwitches), std::end(kSwitches),
                                      [&](const Switch& s) { return name == s.name; });
     if (found == std::end(kSwitches)) {
       throw ConfigError(fmt::format(
-          "--coordinate: unknown value '{}'; allowed: none, or green-advice, signals, dispatch, separated by "
-          "commas",
+          "--coordinate: unknown value '{}'; allowed: none, or green-advice, signals, dispatch, slots, "
+          "slots:JUNCTION:..., separated by commas",
           name));
     }
     switches.*found->member = true;
@@ -48,10 +58,12 @@ CoordinationSwitches ParseCoordination(std::string_view list) {
 }
 
 std::string CoordinationText(const CoordinationSwitches& switches) {
-  std::vector<std::string_view> names;
+  std::vector<std::string> names;
   for (const Switch& s : kSwitches) {
     if (switches.*s.member) names.emplace_back(s.name);
   }
+  for (const std::string& junction : switches.slot_junctions)
+    names.back() += ":" + junction;  // Slots are last.
   return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ","));
 }
 
@@ -77,6 +89,36 @@ Coordination::Coordination(const RoadNetwork& network, const CoordinationParams&
   if (!switches_.any() || !channel_->open()) return;
   roadside_.Install(channel_);
   if (switches_.green_advice) pipeline->AdviseBy(&roadside_);
+  if (switches_.slots) InstallSlots(params.slots, pipeline);
+}
+
+Coordination::~Coordination() = default;
+
+void Coordination::InstallSlots(const SlotParams& params, AgentPipeline* pipeline) {
+  if (pipeline->rules() == nullptr)
+    throw ConfigError("--coordinate slots: the agents must answer for the rules: --rules agent");
+  const JunctionMap& map = pipeline->rules()->map();
+  std::vector<std::int32_t> junctions;
+  for (std::int32_t j = 0; j < std::ssize(network_.junctions); ++j) {
+    if (switches_.slot_junctions.empty() && JunctionSlots::CanCoordinate(network_, map, j))
+      junctions.push_back(j);
+  }
+  for (const std::string& id : switches_.slot_junctions) {
+    const auto found = std::find_if(network_.junctions.begin(), network_.junctions.end(),
+                                    [&](const Junction& junction) { return junction.id == id; });
+    const auto j = static_cast<std::int32_t>(found - network_.junctions.begin());
+    if (found == network_.junctions.end())
+      throw ConfigError(fmt::format("--coordinate slots: no junction '{}' in the network", id));
+    if (!JunctionSlots::CanCoordinate(network_, map, j))
+      throw ConfigError(fmt::format(
+          "--coordinate slots: junction '{}' ({}) has signals, or no ways that conflict; allowed: "
+          "junctions without signals where ways conflict",
+          id, found->type));
+    junctions.push_back(j);
+  }
+  slots_ = std::make_unique<JunctionSlots>(network_, map, params, pipeline->params().v2x.memory);
+  slots_->Install(junctions, channel_);
+  pipeline->CoordinateBy(slots_.get());
 }
 
 void Coordination::Step(double time, double dt, Traffic* traffic, VehicleBridge* bridge) {
@@ -85,6 +127,7 @@ void Coordination::Step(double time, double dt, Traffic* traffic, VehicleBridge*
   if (switches_.signals) AdaptSignals(time);
   if (switches_.dispatch) Dispatch(time, traffic, bridge);
   roadside_.Broadcast(dt, signals_.timings(), channel_);
+  if (slots_) slots_->Broadcast(dt, channel_);
 }
 
 void Coordination::AdaptSignals(double time) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -17,13 +18,17 @@
 
 namespace lanewise {
 
+class JunctionSlots;
+
 /// What is coordinated over the roadside units; each on its own.
 struct CoordinationSwitches {
-  bool green_advice{false}, signals{false}, dispatch{false};
-  bool any() const { return green_advice || signals || dispatch; }
+  bool green_advice{false}, signals{false}, dispatch{false}, slots{false};
+  std::vector<std::string> slot_junctions;  // With coordinators; empty: all that can have one.
+  bool any() const { return green_advice || signals || dispatch || slots; }
 };
 
-/// --coordinate: names separated by commas, or `none`. @throws ConfigError naming what is allowed.
+/// --coordinate: names separated by commas, or `none`; `slots` may name junctions: slots:A:B. @throws
+/// ConfigError naming what is allowed.
 CoordinationSwitches ParseCoordination(std::string_view list);
 std::string CoordinationText(const CoordinationSwitches& switches);
 
@@ -36,8 +41,10 @@ void CheckSignals(const RoadNetwork& network, const SignalParams& params, double
 /// the bridges to SUMO and the agents.
 class Coordination {
  public:
+  /// @throws ConfigError naming a junction that cannot have a coordinator.
   Coordination(const RoadNetwork& network, const CoordinationParams& params,
                const CoordinationSwitches& switches, std::uint64_t seed, AgentPipeline* pipeline);
+  ~Coordination();
 
   /// After what SUMO did has been read, before the agents decide.
   void Step(double time, double dt, Traffic* traffic, VehicleBridge* bridge);
@@ -55,6 +62,7 @@ class Coordination {
     bool stopped{false};
   };
 
+  void InstallSlots(const SlotParams& params, AgentPipeline* pipeline);
   void AdaptSignals(double time);
   void Dispatch(double time, Traffic* traffic, VehicleBridge* bridge);
   void Note(double time, CoordinationKind kind, std::int32_t vehicle, std::int32_t signal, double value);
@@ -67,6 +75,7 @@ class Coordination {
   Roadside roadside_;
   SignalAdaptation adaptation_;
   Dispatcher dispatcher_;
+  std::unique_ptr<JunctionSlots> slots_;               // Null: no coordinators of junctions.
   std::vector<std::uint8_t> may_hold_;                 // By row.
   std::unordered_map<std::int32_t, Advised> advised_;  // By vehicle number.
   std::vector<CoordinationEvent> events_;

@@ -82,7 +82,8 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
          "--coordinate", o->coordinate,
          "what the roadside units coordinate over that radio: none, or of these, separated by commas:\n"
          "green-advice (speeds at which agents arrive in green), signals (green split and offset adapt),\n"
-         "dispatch (routes around crowded edges, departures held while it is crowded)")
+         "dispatch (routes around crowded edges, departures held while it is crowded),\n"
+         "slots (turns at all junctions without signals; slots:A:B: at A and B), with --rules agent")
       ->capture_default_str();
   app->add_option("--seed", o->config.seed, "SUMO's random seed")->capture_default_str();
   app->add_option("-e,--end", o->end,

@@ -104,6 +104,11 @@ RunReport Run(const RunConfig& config) {
   SumoSession session(sumo_options);
   if (effective.coordinate.signals && effective.v2x != V2xLevel::kOff)
     CheckSignals(network, effective.coordination.signals, session.time());
+  AgentPipeline pipeline(network, curves, effective.params, effective.rules);
+  pipeline.avoider().SetSeed(static_cast<std::uint64_t>(effective.seed));
+  pipeline.channel().Open(effective.v2x, static_cast<std::uint64_t>(effective.seed));
+  Coordination coordination(network, effective.coordination, effective.coordinate,
+                            static_cast<std::uint64_t>(effective.seed), &pipeline);
   const TestFault fault(effective.seed);
   std::unique_ptr<RunWriter> writer;
   if (effective.results) {
@@ -126,13 +131,8 @@ RunReport Run(const RunConfig& config) {
   }
   Traffic traffic;
   Commands commands;
-  AgentPipeline pipeline(network, curves, effective.params, effective.rules);
-  pipeline.avoider().SetSeed(static_cast<std::uint64_t>(effective.seed));
-  pipeline.channel().Open(effective.v2x, static_cast<std::uint64_t>(effective.seed));
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
                        {effective.penetration, effective.seed});
-  Coordination coordination(network, effective.coordination, effective.coordinate,
-                            static_cast<std::uint64_t>(effective.seed), &pipeline);
   const double dt = session.step_length();
   const double begin = session.time();
   Recorder recorder(network,

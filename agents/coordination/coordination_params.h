@@ -35,12 +35,23 @@ struct DispatchParams {
   double max_hold{120.0};
 };
 
+/// Slots at junctions without signals.
+struct SlotParams {
+  double range{250.0};
+  double interval{0.5};
+  double fixed_time{4.0};
+  double margin{0.6};
+  double headway{1.0};
+  double max_age{1.0};
+};
+
 /// What is coordinated over the roadside units. The Visit table is the only declaration of name, unit, range,
 /// meaning and source.
 struct CoordinationParams {
   AdviceParams advice;
   SignalParams signals;
   DispatchParams dispatch;
+  SlotParams slots;
 
   template <class Self, class Field>
   static void Visit(Self& p, Field&& field) {
@@ -85,6 +96,18 @@ struct CoordinationParams {
           "own choice");
     field("dispatch.max_hold", p.dispatch.max_hold, "s", Range{0, 3600},
           "nobody is held at the depot for longer", "own choice");
+    field("slots.range", p.slots.range, "m", Range{20, 2000},
+          "vehicles get a turn at a junction from this far before its stop line", "own choice");
+    field("slots.interval", p.slots.interval, "s", Range{0.1, 5}, "arrivals are planned anew so often",
+          "own choice");
+    field("slots.fixed_time", p.slots.fixed_time, "s", Range{0, 20},
+          "who could be there within this time keeps its place in the order",
+          "own choice: a stop and a message");
+    field("slots.margin", p.slots.margin, "s", Range{0.1, 5},
+          "between one vehicle's leaving the common area and the next one's coming to it", "own choice");
+    field("slots.headway", p.slots.headway, "s", Range{0.3, 5},
+          "gap between vehicles of a lane, or into the same lane", "own choice");
+    field("slots.max_age", p.slots.max_age, "s", Range{0.1, 5}, "older slots are not used", "own choice");
   }
 };
 

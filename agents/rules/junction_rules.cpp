@@ -39,6 +39,8 @@ constexpr double kExitForesight = 1.5, kQueueSpeed = 5.0;
 constexpr float kYieldPatience = 1.5f, kRoomPatience = 20.0f;
 /// Longest chain of waiting vehicles that is followed.
 constexpr int kLongestChain = 64;
+/// Of its acceleration a vehicle with a turn is taken to use, and of slots.margin what has to be left of it.
+constexpr double kTurnAccelShare = 0.6, kTurnMargin = 0.4;
 /// [m] before a crossing's end where a pedestrian is taken to want to cross.
 constexpr double kKerb = 1.5;
 
@@ -305,9 +307,22 @@ double JunctionRules::TimeTo(const World& world, const Approach& approach, doubl
   return time + TimeToCover(inside, at_line, through, accel);
 }
 
+/// Nothing without a coordinator, or where none is heard.
+std::optional<JunctionRules::OwnTurn> JunctionRules::TurnOf(const World& world, const Approach& own) const {
+  if (slots_ == nullptr || own.distance <= 0.0f) return std::nullopt;
+  const std::int32_t connection = map_.links()[own.link].connection;
+  const StationId vehicle = world.traffic->number[own.row];
+  const auto heard = slots_->Heard(*world.channel, vehicle, connection);
+  if (!heard) return std::nullopt;
+  const std::int32_t turn = heard->TurnOf(vehicle, connection);
+  if (turn == kNone) return std::nullopt;
+  return OwnTurn{*heard, turn, heard->TimeOf(turn)};
+}
+
 /// Has `own`, ahead of a conflict area, to let `other` go first?
 bool JunctionRules::GivesWay(const World& world, const Approach& own, const ConflictArea& area,
-                             const Approach& other, char state, int forced, bool* hard) const {
+                             const Approach& other, char state, int forced, const OwnTurn* turn,
+                             bool* hard) const {
   const Traffic& traffic = *world.traffic;
   const JunctionLink& link = map_.links()[own.link];
   const JunctionLink& foe = map_.links()[other.link];
@@ -342,7 +357,13 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
     const double closing = its_speed - std::min<double>(link.speed, speed + 3.0);
     if (closing > 0.0) margin += closing * closing / (2.0 * kBendDecel * std::max(1.0, its_speed));
   }
-  double its_arrival = TimeTo(world, other, foe_begin, 1.0);
+  const std::int32_t its_turn =
+      turn == nullptr || other.person ? kNone : turn->heard.TurnOf(traffic.number[other.row], foe.connection);
+  const bool goes_before = its_turn != kNone && turn->turn < its_turn;
+  const bool goes_after = its_turn != kNone && turn->turn > its_turn;
+  // Who comes later by its turn makes room by its speed.
+  double its_arrival = TimeTo(world, other, foe_begin, goes_before ? kTurnAccelShare : 1.0);
+  if (goes_before) margin = std::min(margin, kTurnMargin * slots_->params().margin);
   if (impatience > 0.0 && !other.person && !its_bound) {
     // The longer the ego has waited, the more it counts on the other to brake gently.
     const double braked = TimeToCoverBraking(foe_begin - q, its_speed, impatience * kImposedDecel);
@@ -358,7 +379,20 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   } else if (other.going || its_speed > 0.5) {
     its_leaving = TimeTo(world, other, foe_end + its_length, 0.6) + 0.5;
   }
-  const double arrival = TimeTo(world, own, begin, 1.0);
+  // Who has a turn comes no earlier.
+  const double delay = turn == nullptr ? 0.0 : std::max(0.0, turn->time - TimeTo(world, own, 0.0, 1.0));
+  const double arrival = delay + TimeTo(world, own, begin, 1.0);
+  if (goes_after && other.distance > 0.0f) {
+    const double its_delay =
+        std::max(0.0, turn->heard.TimeOf(its_turn) - TimeTo(world, other, 0.0, kTurnAccelShare));
+    its_leaving = its_delay + TimeTo(world, other, foe_end + its_length, kTurnAccelShare);
+    if (area.merges) {
+      // Behind it on the common lane.
+      const double its_exit =
+          its_delay + TimeTo(world, other, foe.length + its_length + kMergeGap, kTurnAccelShare);
+      if (delay + TimeTo(world, own, link.length, 1.0) > its_exit + kBehindGap) return false;
+    }
+  }
   if (!area.merges && arrival > its_leaving + kBehindGap) return false;
 
   if (inside) {
@@ -374,8 +408,9 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
     return its_arrival != arrival ? its_arrival < arrival
                                   : traffic.number[other.row] < traffic.number[own.row];
   }
-  // Neither is: the right of way decides.
+  // Neither is: the turns decide, and the right of way.
   if (forced > 0) return false;
+  if (its_turn != kNone) return goes_after;
   // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both
   // start.
   if (!other.going && !WaitsFor(world, other.row, own.row)) return false;
@@ -457,7 +492,8 @@ int JunctionRules::Forced(const World& world, AgentIndex ego) const {
 }
 
 JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex ego, const Approach& own,
-                                                const WayAhead& way, int forced, RuleAnswer* answer) const {
+                                                const WayAhead& way, int forced, const OwnTurn* turn,
+                                                RuleAnswer* answer) const {
   const Traffic& traffic = *world.traffic;
   const VehicleParams& vehicle = traffic.params[ego];
   const JunctionLink& link = map_.links()[own.link];
@@ -511,7 +547,7 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
         }
       }
       bool hard = false;
-      if (GivesWay(world, seen, area, other, state, forced, &hard)) {
+      if (GivesWay(world, seen, area, other, state, forced, turn, &hard)) {
         verdict = {hard ? RuleReason::kOccupied : RuleReason::kYield, stop_at, other.row, hard};
         break;
       }
@@ -544,9 +580,16 @@ RuleAnswer JunctionRules::Decide(const World& world, AgentIndex ego, const WayAh
       answer.state.at_line = halted ? before + static_cast<float>(dt) : 0.0f;
       first = false;
     }
+    const std::optional<OwnTurn> turn = TurnOf(world, own);
+    if (turn) {
+      const double approach =
+          slots_->ApproachSpeed(link, own.distance, speed, traffic.speed_limit[ego], turn->time);
+      answer.speed_cap =
+          std::min(answer.speed_cap, std::max(approach, speed - comfort * params_.driving.response_time));
+    }
     if (own.distance > reach) break;
     if (forced < 0) forced = Forced(world, ego);
-    const Verdict verdict = CheckLink(world, ego, own, way, forced, &answer);
+    const Verdict verdict = CheckLink(world, ego, own, way, forced, turn ? &*turn : nullptr, &answer);
     if (verdict.reason == RuleReason::kGo) continue;
     const double margin = verdict.stop_at == 0.0f ? kStopMargin : kWaitMargin;
     const double gap = verdict.stop_at - own.position();

@@ -2,10 +2,12 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "agents/agent_params.h"
+#include "agents/coordination/junction_slots.h"
 #include "agents/rules/junction_map.h"
 #include "agents/sensing/road_view.h"
 #include "agents/traffic.h"
@@ -50,6 +52,8 @@ class JunctionRules {
                     double dt) const;
 
   const JunctionMap& map() const { return map_; }
+  /// Has the agents keep to the turns these coordinators give them from now on.
+  void CoordinateBy(const JunctionSlots* slots) { slots_ = slots; }
   /// Who approaches a link or is on it, the foremost first.
   std::span<const Approach> On(std::int32_t link) const {
     return {by_link_.data() + link_start_[link], by_link_.data() + link_start_[link + 1]};
@@ -71,15 +75,23 @@ class JunctionRules {
     bool hard{false};  // Somebody is in the way: brake as hard as need be.
   };
 
+  /// The ego's turn at the junction ahead, as it has heard.
+  struct OwnTurn {
+    HeardSlots heard;
+    std::int32_t turn;
+    double time;  // [s] until its front is at the stop line.
+  };
+
   void ListLinks(const World& world, AgentIndex row);
   void ListPersons(const World& world);
   Approach* Append(AgentIndex row, std::int32_t link, double distance);
   Verdict CheckLink(const World& world, AgentIndex ego, const Approach& own, const WayAhead& way, int forced,
-                    RuleAnswer* answer) const;
+                    const OwnTurn* turn, RuleAnswer* answer) const;
   AgentIndex BlockerBehind(const World& world, AgentIndex ego, const Approach& own, const WayAhead& way,
                            bool* blocked) const;
   bool GivesWay(const World& world, const Approach& own, const ConflictArea& area, const Approach& other,
-                char state, int forced, bool* hard) const;
+                char state, int forced, const OwnTurn* turn, bool* hard) const;
+  std::optional<OwnTurn> TurnOf(const World& world, const Approach& own) const;
   int Forced(const World& world, AgentIndex ego) const;
   bool WaitsFor(const World& world, AgentIndex row, AgentIndex whom) const;
   AgentIndex RowOf(std::int32_t number) const;
@@ -88,8 +100,9 @@ class JunctionRules {
   const RoadNetwork& network_;
   AgentParams params_;
   JunctionMap map_;
-  std::vector<Approach> own_;       // By row, kMaxLinks each.
-  std::vector<std::int8_t> count_;  // By row.
+  const JunctionSlots* slots_{nullptr};  // Null: no coordinators.
+  std::vector<Approach> own_;            // By row, kMaxLinks each.
+  std::vector<std::int8_t> count_;       // By row.
   std::vector<Approach> by_link_;
   std::vector<std::uint32_t> link_start_, link_fill_;
   std::vector<AgentIndex> row_of_number_;

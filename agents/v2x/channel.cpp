@@ -179,6 +179,7 @@ Message Channel::Describe(const Traffic& traffic, std::size_t row, std::uint64_t
   m.width = static_cast<float>(vehicle.width);
   m.max_decel = static_cast<float>(vehicle.max_decel);
   m.lane = now.lane[row];
+  m.wanted_speed = static_cast<float>(traffic.speed_limit[row]);
   m.lane_change = now.blinker[row];
   m.planned_accel = static_cast<float>(now.planned_accel[row]);
   m.planned_jerk = static_cast<float>(now.planned_jerk[row]);

@@ -33,6 +33,7 @@ struct Message {
   std::int32_t next_link{kNone};  ///< Connection at the end of its edge, index in RoadNetwork::connections.
   float link_distance{0.0f};      ///< [m] from its front to that connection.
   // Intent.
+  float wanted_speed{0.0f};    ///< [m/s] it drives at if it is free.
   std::int8_t lane_change{0};  ///< Side it asks for: +1 left, -1 right, 0.
   float planned_accel{0.0f};   ///< [m/s^2] its plan of the last step.
   float planned_jerk{0.0f};    ///< [m/s^3] how that changed.

@@ -164,6 +164,84 @@ TEST(Coordination, TheDispatcherHoldsAndReroutes) {
       0.0);
 }
 
+RunConfig WithSlots(const std::string& what, double scale) {
+  RunConfig config = Coordinated("priority_crossing", what, 300.0);
+  config.rules = Rules::kAgent;
+  config.sumo_options = {"--scale", fmt::format("{}", scale)};
+  return config;
+}
+
+// Half as much again as its demand: the minor road waits for gaps that slots make.
+TEST(Coordination, SlotsSaveDelayAtTheCrossing) {
+  const TemporaryFolder folder;
+  RunConfig config = WithSlots("none", 1.5);
+  config.results = folder / "slots.sqlite";
+  RunResolved(config);
+  config.coordinate = ParseCoordination("slots");
+  EXPECT_EQ(MidBlock(RunResolved(config)).different, 0);
+  const std::string trips = " FROM trip WHERE trip_end = 'arrived' AND run_id = ";
+  EXPECT_LT(Query(*config.results, "SELECT AVG(time_loss_s)" + trips + "2"),
+            0.7 * Query(*config.results, "SELECT AVG(time_loss_s)" + trips + "1"));
+  EXPECT_GE(Query(*config.results, "SELECT COUNT(*)" + trips + "2"),
+            Query(*config.results, "SELECT COUNT(*)" + trips + "1"));
+  EXPECT_EQ(Query(*config.results, "SELECT COUNT(*) FROM collision WHERE run_id = 2"), 0.0);
+}
+
+TEST(Coordination, SlotsThatNobodyHearsChangeNothing) {
+  RunConfig off = WithSlots("none", 1.0);
+  off.v2x = V2xLevel::kOff;
+  RunConfig deaf = WithSlots("slots", 1.0);
+  deaf.v2x = V2xLevel::kLossy;
+  deaf.params.v2x.loss = 1.0;
+  RunConfig out_of_range = WithSlots("slots", 1.0);
+  out_of_range.params.v2x.range = 0.0;
+  const std::uint64_t without = RunResolved(off).outcome.state_hash;
+  EXPECT_EQ(RunResolved(deaf).outcome.state_hash, without);
+  EXPECT_EQ(RunResolved(out_of_range).outcome.state_hash, without);
+}
+
+// Half of the vehicles have no radio, and half of the messages are lost.
+TEST(Coordination, SlotsHalfHeardBringNoContacts) {
+  const TemporaryFolder folder;
+  RunConfig config = WithSlots("slots", 1.3);
+  config.v2x = V2xLevel::kLossy;
+  config.params.v2x.share = 0.5;
+  config.params.v2x.loss = 0.5;
+  config.results = folder / "half.sqlite";
+  RunResolved(config);
+  EXPECT_EQ(Query(*config.results, "SELECT COUNT(*) FROM collision"), 0.0);
+  EXPECT_GT(Query(*config.results, "SELECT COUNT(*) FROM trip WHERE trip_end = 'arrived'"), 60.0);
+}
+
+TEST(Coordination, SlotsAreTheSameForAnyThreads) {
+  RunConfig config = WithSlots("slots", 2.0);
+  config.end = 120.0;
+  std::vector<std::uint64_t> hashes;
+  for (const int threads : {1, 2, 4}) {
+    config.threads = threads;
+    hashes.push_back(RunResolved(config).outcome.state_hash);
+  }
+  EXPECT_EQ(hashes[1], hashes[0]);
+  EXPECT_EQ(hashes[2], hashes[0]);
+}
+
+TEST(Coordination, JunctionsOfSlotsAreChecked) {
+  const auto message = [](RunConfig config) {
+    try {
+      RunResolved(std::move(config));
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(message(WithSlots("slots:nowhere", 1.0)).find("no junction 'nowhere'"), std::string::npos);
+  RunConfig signals = Coordinated("arterial", "slots:J3", 10.0);
+  signals.rules = Rules::kAgent;
+  EXPECT_NE(message(signals).find("junction 'J3' (traffic_light) has signals"), std::string::npos);
+  signals.rules = Rules::kSumo;
+  EXPECT_NE(message(signals).find("--rules agent"), std::string::npos);
+}
+
 TEST(Coordination, NamesAreChecked) {
   EXPECT_EQ(CoordinationText(ParseCoordination("none")), "none");
   EXPECT_EQ(CoordinationText(ParseCoordination("dispatch,green-advice")), "green-advice,dispatch");
