@@ -398,8 +398,8 @@ void InsertRows(const std::vector<Row>& all_rows, std::int64_t run_id, SQLite::D
 void LimitFileSize(std::int64_t max_bytes, SQLite::Database* database) {
   if (max_bytes <= 0) return;
   const std::int64_t page_bytes = database->execAndGet("PRAGMA page_size").getInt64();
-  SQLite::Statement(*database, fmt::format("PRAGMA max_page_count = {}", max_bytes / page_bytes))
-      .executeStep();
+  const std::int64_t pages = std::max<std::int64_t>(1, max_bytes / page_bytes);  // 0 would be no limit.
+  SQLite::Statement(*database, fmt::format("PRAGMA max_page_count = {}", pages)).executeStep();
 }
 
 std::int64_t InsertRun(const RunInfo& info, SQLite::Database* database) {
