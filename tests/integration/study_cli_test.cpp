@@ -51,7 +51,8 @@ struct Fault {
 class FaultyStudy : public Study, public testing::WithParamInterface<Fault> {};
 
 TEST_P(FaultyStudy, FailsInOneRunAndGoesOnWithTheOthers) {
-  const auto study = WriteStudy("'dwa'", 3, 30), results = folder_ / "a.sqlite";
+  // Long enough to fill more than the pages of an empty file.
+  const auto study = WriteStudy("'dwa'", 3, 120), results = folder_ / "a.sqlite";
   ChildProcess child(Command(study, results, {"--hang-after", "2", "--retries", "1"}),
                      {std::string("LANEWISE_TEST_FAULT=") + GetParam().environment});
   EXPECT_EQ(child.Wait(), 1) << child.Errors();
