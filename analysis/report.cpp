@@ -117,6 +117,16 @@ Json RunsJson(std::span<const RunRecord> runs) {
   return list;
 }
 
+/// Calls `visit` with each row a query finds in the runs of a group. @param sql one parameter: the run_id.
+template <class F>
+void ForEachRow(const RunGroup& group, Files* files, const std::string& sql, F&& visit) {
+  for (const RunRecord* run : group.runs) {
+    SQLite::Statement query(files->Of(*run), sql);
+    query.bind(1, run->run_id);
+    while (query.executeStep()) visit(query);
+  }
+}
+
 /// Every k-th value so that at most `limit` stay.
 std::size_t Stride(std::size_t count, std::size_t limit) {
   return std::max<std::size_t>(1, (count + limit - 1) / limit);
@@ -124,16 +134,14 @@ std::size_t Stride(std::size_t count, std::size_t limit) {
 
 Json FlowDensity(const RunGroup& group, Files* files) {
   Json all = Json::array();
-  for (const RunRecord* run : group.runs) {
-    SQLite::Statement query(
-        files->Of(*run),
-        "SELECT i.density_veh_per_km / e.lanes, i.flow_veh_per_h / e.lanes, e.edge_id FROM "
-        "edge_interval AS i JOIN edge AS e USING (run_id, edge) WHERE i.run_id = ? AND NOT "
-        "e.in_junction AND i.end_s - i.begin_s > 30.0");
-    query.bind(1, run->run_id);
-    while (query.executeStep())
-      all.push_back({OrNull(query.getColumn(0)), OrNull(query.getColumn(1)), query.getColumn(2).getString()});
-  }
+  ForEachRow(
+      group, files,
+      "SELECT i.density_veh_per_km / e.lanes, i.flow_veh_per_h / e.lanes, e.edge_id FROM edge_interval AS i "
+      "JOIN edge AS e USING (run_id, edge) WHERE i.run_id = ? AND NOT e.in_junction AND i.end_s - i.begin_s "
+      "> 30.0",
+      [&](SQLite::Statement& row) {
+        all.push_back({OrNull(row.getColumn(0)), OrNull(row.getColumn(1)), row.getColumn(2).getString()});
+      });
   Json points = Json::array();
   for (std::size_t i = 0; i < all.size(); i += Stride(all.size(), kMaxFlowPoints))
     points.push_back(std::move(all[i]));
@@ -142,13 +150,9 @@ Json FlowDensity(const RunGroup& group, Files* files) {
 
 Json Distribution(const RunGroup& group, const char* measure, Files* files) {
   std::vector<double> values;
-  for (const RunRecord* run : group.runs) {
-    SQLite::Statement query(
-        files->Of(*run),
-        fmt::format("SELECT {0} FROM encounter WHERE run_id = ? AND {0} IS NOT NULL", measure));
-    query.bind(1, run->run_id);
-    while (query.executeStep()) values.push_back(query.getColumn(0).getDouble());
-  }
+  ForEachRow(group, files,
+             fmt::format("SELECT {0} FROM encounter WHERE run_id = ? AND {0} IS NOT NULL", measure),
+             [&](SQLite::Statement& row) { values.push_back(row.getColumn(0).getDouble()); });
   std::sort(values.begin(), values.end());
   Json points = Json::array();
   const std::size_t count = values.size();
@@ -169,19 +173,16 @@ Json Comfort(const RunGroup& group, Files* files) {
     double time{0.0};
   };
   std::map<std::string, std::map<std::int64_t, Bin>> measures;
-  for (const RunRecord* run : group.runs) {
-    SQLite::Statement query(
-        files->Of(*run),
-        "SELECT measure, bin, lower, upper, SUM(vehicle_time_s) FROM histogram WHERE run_id = ? GROUP BY "
-        "measure, bin");
-    query.bind(1, run->run_id);
-    while (query.executeStep()) {
-      Bin& bin = measures[query.getColumn(0).getString()][query.getColumn(1).getInt64()];
-      bin.lower = OrNull(query.getColumn(2));
-      bin.upper = OrNull(query.getColumn(3));
-      bin.time += query.getColumn(4).getDouble();
-    }
-  }
+  ForEachRow(
+      group, files,
+      "SELECT measure, bin, lower, upper, SUM(vehicle_time_s) FROM histogram WHERE run_id = ? GROUP BY "
+      "measure, bin",
+      [&](SQLite::Statement& row) {
+        Bin& bin = measures[row.getColumn(0).getString()][row.getColumn(1).getInt64()];
+        bin.lower = OrNull(row.getColumn(2));
+        bin.upper = OrNull(row.getColumn(3));
+        bin.time += row.getColumn(4).getDouble();
+      });
   Json shares = Json::object();
   for (const auto& [measure, bins] : measures) {
     double time = 0.0;
@@ -195,20 +196,18 @@ Json Comfort(const RunGroup& group, Files* files) {
 /// What went over the radio, by run and interval.
 Json Radio(const RunGroup& group, Files* files) {
   Json points = Json::array();
-  for (const RunRecord* run : group.runs) {
-    SQLite::Statement query(
-        files->Of(*run),
-        "SELECT (begin_s + end_s) / 2, sent / station_time_s, delivered * 1.0 / NULLIF(delivered + dropped + "
-        "faded + collided, 0), mean_age_s, mean_busy_ratio FROM v2x_interval WHERE run_id = ? AND "
-        "station_time_s > 0.0 ORDER BY begin_s");
-    query.bind(1, run->run_id);
-    while (query.executeStep())
-      points.push_back({{"time", OrNull(query.getColumn(0))},
-                        {"sent", OrNull(query.getColumn(1))},
-                        {"delivered", OrNull(query.getColumn(2))},
-                        {"age", OrNull(query.getColumn(3))},
-                        {"busy", OrNull(query.getColumn(4))}});
-  }
+  ForEachRow(
+      group, files,
+      "SELECT (begin_s + end_s) / 2, sent / station_time_s, delivered * 1.0 / NULLIF(delivered + dropped + "
+      "faded + collided, 0), mean_age_s, mean_busy_ratio FROM v2x_interval WHERE run_id = ? AND "
+      "station_time_s > 0.0 ORDER BY begin_s",
+      [&](SQLite::Statement& row) {
+        points.push_back({{"time", OrNull(row.getColumn(0))},
+                          {"sent", OrNull(row.getColumn(1))},
+                          {"delivered", OrNull(row.getColumn(2))},
+                          {"age", OrNull(row.getColumn(3))},
+                          {"busy", OrNull(row.getColumn(4))}});
+      });
   return {{"scenario", group.scenario}, {"label", group.label}, {"points", points}};
 }
 
