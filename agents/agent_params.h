@@ -222,8 +222,7 @@ struct AgentParams {
           "it drives on where its lane leads, and back to its route",
           "own choice");
     field("lane_change.max_detour", p.lane_change.max_detour, "s", Range{0, 3600},
-          "unless that takes so much longer at the speed limits; 0: never. Vehicles with planned stops ahead "
-          "never do",
+          "unless that takes so much longer at the speed limits, or misses a planned stop; 0: never",
           "own choice");
     field("control.speed_kp", p.control.speed_kp, "1/s", Range{0.1, 10}, "PID speed: proportional",
           "[C] PID");

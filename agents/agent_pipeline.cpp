@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "agents/core/geometry.h"
+#include "agents/planning/brake_guard.h"
 #include "agents/planning/car_following.h"
 #include "agents/planning/tactics.h"
 #include "agents/v2x/cruise.h"
@@ -271,18 +272,25 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   }
 
   // Control.
-  const bool emergency =
-      avoided.emergency || rule.emergency ||
-      (plan.status == PlanStatus::kNoFeasibleCommand &&
-       speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25));
-  next.speed_pid[i] = now.speed_pid[i];
   next.steering_pid[i] = now.steering_pid[i];
-  const double accel = ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed,
-                                    now.accel[i], dt, &next.speed_pid[i]);
   const double steering =
       avoided.steers ? SteerCourse(vehicle, avoided.course, now.heading_error[i], now.steering_angle[i], dt)
                      : ControlSteering(params_, vehicle, plan.target_d - now.d[i], now.heading_error[i],
                                        speed, now.steering_angle[i], dt, &next.steering_pid[i]);
+  const auto control_speed = [&](bool emergency) {
+    next.speed_pid[i] = now.speed_pid[i];
+    return ControlSpeed(params_.control, vehicle, plan, emergency, now.speed_ref[i] - speed, now.accel[i], dt,
+                        &next.speed_pid[i]);
+  };
+  const bool emergency =
+      avoided.emergency || rule.emergency ||
+      (plan.status == PlanStatus::kNoFeasibleCommand &&
+       speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25));
+  double accel = control_speed(emergency);
+  if (!queued && !avoided.steers && !emergency &&
+      MustBrakeNow(world, i, leader.row, scratch->view, steering, std::max(0.0, speed + accel * dt), dt)) {
+    accel = control_speed(true);
+  }
 
   // Integrate.
   const LaneCurve& curve = curves_[now.lane[i]];

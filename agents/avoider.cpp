@@ -126,7 +126,9 @@ bool Avoider::DriveOpenRoad(const World& world, AgentIndex ego, const PlanContex
 Plan Avoider::DriveInLane(const World& world, AgentIndex ego, PlanContext c, std::uint8_t code,
                           Avoidance advice, const Scratch& scratch, PlanScratch* plan_scratch) const {
   const Policy policy = world.traffic->policy[ego];
-  const bool nothing_free = code == 0;
+  // A leader that drives off frees the way: waiting until the zone is empty would thin out every queue.
+  const bool makes_room = c.leader_row != kNone && c.leader_speed > c.speed;
+  const bool nothing_free = code == 0, stops = nothing_free && !makes_room;
   const auto within = [&](double d) { return std::clamp(d, c.corridor_min, c.corridor_max); };
   if (policy == Policy::kBpDwa) {
     // The network picks the part of the corridor, the window searches there.
@@ -142,7 +144,7 @@ Plan Avoider::DriveInLane(const World& world, AgentIndex ego, PlanContext c, std
       c.corridor_max = within(to + kStraightOn);
     }
     Plan plan = PlanDwa(params_, c, plan_scratch);
-    if (nothing_free && plan.status == PlanStatus::kOk) plan.accel = std::min(plan.accel, 0.0);
+    if (stops && plan.status == PlanStatus::kOk) plan.accel = std::min(plan.accel, 0.0);
     return plan;
   }
   if (!AheadIsFree(code) && !nothing_free) {
@@ -153,7 +155,7 @@ Plan Avoider::DriveInLane(const World& world, AgentIndex ego, PlanContext c, std
     }
   }
   Plan plan = PlanIdm(params_, c, plan_scratch);
-  if (nothing_free) plan.accel = std::min(plan.accel, 0.0);
+  if (stops) plan.accel = std::min(plan.accel, 0.0);
   return plan;
 }
 

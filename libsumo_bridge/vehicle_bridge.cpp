@@ -449,13 +449,26 @@ VehicleBridge::DeadEnd VehicleBridge::FindDeadEnd(std::size_t row, const Traffic
   return {};
 }
 
+std::size_t VehicleBridge::NextStop(const Coupled& coupled, std::span<const EdgeIndex> route,
+                                    std::size_t position) const {
+  std::size_t at = route.size() - 1;
+  for (const Stop& stop : coupled.stops) {
+    const EdgeIndex edge = stop.lane == kNone ? kNone : network_.lanes[stop.lane].edge;
+    const auto found =
+        std::find(route.begin() + static_cast<std::ptrdiff_t>(position) + 1, route.end(), edge);
+    if (found != route.end()) at = std::min(at, static_cast<std::size_t>(found - route.begin()));
+  }
+  return at;
+}
+
 void VehicleBridge::TakeDetour(std::size_t row, Traffic* traffic) {
   Coupled& coupled = coupled_[row];
   const DeadEnd dead_end = FindDeadEnd(row, *traffic);
-  if (!coupled.stops.empty() || dead_end.lane == kNone || coupled.no_detour == dead_end.lane) return;
+  if (dead_end.lane == kNone || coupled.no_detour == dead_end.lane) return;
   const auto route = traffic->plan[row]->route();
-  const std::optional<Detour> detour = FindDetour(network_, route, dead_end.position, dead_end.lane,
-                                                  coupled.class_mask, params_.lane_change.max_detour);
+  const std::optional<Detour> detour =
+      FindDetour(network_, route, dead_end.position, NextStop(coupled, route, dead_end.position),
+                 dead_end.lane, coupled.class_mask, params_.lane_change.max_detour);
   if (!detour) {
     coupled.no_detour = dead_end.lane;  // It waits for a gap.
     return;

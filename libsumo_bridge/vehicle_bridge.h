@@ -138,6 +138,8 @@ class VehicleBridge {
     double distance{kFar};    // [m] to its end.
   };
   DeadEnd FindDeadEnd(std::size_t row, const Traffic& traffic) const;
+  /// The route edge behind `position` with the vehicle's next planned stop; the last one if it has none.
+  std::size_t NextStop(const Coupled& coupled, std::span<const EdgeIndex> route, std::size_t position) const;
   /// Gives the vehicle a route that follows the dead end's lane and comes back, if there is one.
   void TakeDetour(std::size_t row, Traffic* traffic);
   /// Lane changes to the best lane for the vehicle's route: > 0 to the left, < 0 to the right.

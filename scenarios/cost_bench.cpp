@@ -29,7 +29,7 @@ struct Variant {
   std::vector<double> more_wall{};  // Than the first variant of the same repetition, as a share of it.
   std::vector<double> more_cpu{};
   std::vector<double> share{};  // Of its own wall time, spent on what the variant adds.
-  std::int64_t rows{0};          // Of trajectories.
+  std::int64_t rows{0};         // Of trajectories.
 };
 
 double Median(std::vector<double> values) {
@@ -54,8 +54,8 @@ void Drive(const RunConfig& config, const fs::path& file, Variant* variant) {
   variant->wall.push_back(report.outcome.wall_time + report.finish_time);
   variant->cpu.push_back(report.cpu_time);
   // All that is written counts as if the run had waited for it.
-  const double added = variant->level == SafetyLevel::kOff ? report.sampling_time + report.writing_time
-                                                           : report.safety_time;
+  const double added =
+      variant->level == SafetyLevel::kOff ? report.sampling_time + report.writing_time : report.safety_time;
   variant->share.push_back(added / variant->wall.back());
   for (const RunSummary& summary : LoadRunSummaries(file))
     variant->rows = summary.trajectory_rows.value_or(0);
@@ -133,8 +133,8 @@ bool BenchCost(const RunConfig& config, int repetitions) {
   }
   fmt::print("{:<34} {:>9}\n", "  trajectory rows of a run", variants[2].rows);
   const bool fast = writing.rows >= 500'000.0;
-  fmt::print("{:<34} {:>9.0f} {:>10}   >= 500000  {}\n", "trajectory rows into SQLite [1/s]",
-             writing.rows, "", fast ? "ok" : "MISSED");
+  fmt::print("{:<34} {:>9.0f} {:>10}   >= 500000  {}\n", "trajectory rows into SQLite [1/s]", writing.rows,
+             "", fast ? "ok" : "MISSED");
   fmt::print("{:<34} {:>9.0f}\n", "  with their index", writing.indexed_rows);
   return passed && fast;
 }

@@ -47,7 +47,9 @@ class Recorder {
   std::int64_t running() const { return inserted_ - arrived_ - vaporized_; }
   std::vector<PolicyShareRow> policy_shares() const;
   const RuleWatch& rules() const { return rules_; }
-  double safety_time() const { return safety_time_; }      ///< [s] wall time in the safety engine and for its events.
+  double safety_time() const {
+    return safety_time_;
+  }  ///< [s] wall time in the safety engine and for its events.
   double sampling_time() const { return sampling_time_; }  ///< [s] wall time for trajectory samples.
 
  private:
@@ -82,7 +84,7 @@ class Recorder {
   std::vector<TripRow> finished_trips_;
   std::vector<TrajectoryRow> samples_;
   std::vector<StepSummaryRow> summaries_;
-  std::vector<PolicyShareRow> shares_;  // By Policy.
+  std::vector<PolicyShareRow> shares_;            // By Policy.
   double safety_time_{0.0}, sampling_time_{0.0};  // [s]
   std::int64_t vehicle_steps_{0}, agent_steps_{0}, inserted_{0}, arrived_{0}, vaporized_{0};
 };

@@ -19,8 +19,8 @@
 #include "scenarios/progress.h"
 #include "scenarios/recorder.h"
 #include "scenarios/state_trace.h"
-#include "scenarios/timed.h"
 #include "scenarios/test_fault.h"
+#include "scenarios/timed.h"
 
 namespace lanewise {
 namespace {

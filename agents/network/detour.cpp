@@ -47,8 +47,8 @@ struct Reached {
 }  // namespace
 
 std::optional<Detour> FindDetour(const RoadNetwork& network, std::span<const EdgeIndex> route,
-                                 std::size_t position, LaneIndex lane, VehicleClassMask vehicle_class,
-                                 double max_extra_time) {
+                                 std::size_t position, std::size_t back_by, LaneIndex lane,
+                                 VehicleClassMask vehicle_class, double max_extra_time) {
   // What is left of the route from the start of each of its edges on.
   std::vector<Cost> to_go(route.size() + 1);
   for (std::size_t k = route.size(); k-- > position + 1;) to_go[k] = CostOf(network, route[k]) + to_go[k + 1];
@@ -71,7 +71,7 @@ std::optional<Detour> FindDetour(const RoadNetwork& network, std::span<const Edg
     const auto [time, edge] = open.top();
     open.pop();
     if (std::exchange(reached[edge].settled, true)) continue;
-    for (std::size_t k = position + 1; k < route.size(); ++k) {
+    for (std::size_t k = position + 1; k <= back_by; ++k) {
       if (route[k] == edge && time + to_go[k].time <= best) {
         best = time + to_go[k].time;
         rejoins = k;

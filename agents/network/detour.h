@@ -16,10 +16,10 @@ struct Detour {
 };
 
 /// The quickest way, at the speed limits, that leaves route edge `position` where `lane` leads, comes back to
-/// a later edge of the route and keeps what follows; none if there is none, or it costs more than
-/// `max_extra_time` [s].
+/// a later edge of the route, `back_by` at the latest, and keeps what follows; none if there is none, or it
+/// costs more than `max_extra_time` [s].
 std::optional<Detour> FindDetour(const RoadNetwork& network, std::span<const EdgeIndex> route,
-                                 std::size_t position, LaneIndex lane, VehicleClassMask vehicle_class,
-                                 double max_extra_time);
+                                 std::size_t position, std::size_t back_by, LaneIndex lane,
+                                 VehicleClassMask vehicle_class, double max_extra_time);
 
 }  // namespace lanewise

@@ -42,6 +42,9 @@ constexpr double kMaxWidening = 2.0, kMaxCut = 5.0;
 /// [m] before its lane's end, and [m/s], at which a vehicle that has found no gap drives on where the lane
 /// leads.
 constexpr double kLastChance = 12.0, kLastChanceSpeed = 1.0;
+/// [s] of waiting after which it does so even if nobody passes it: it may be a link of a circle of vehicles
+/// that wait for each other, which nothing else would open.
+constexpr float kStuck = 120.0f;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -468,9 +471,10 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
   if (tactics.lane_change == 0) LetIn(ego, way, leader, &tactics);
   if (!way.leads_on) {
     // Who gets no gap does not stand in the way of those behind for long.
+    const bool stuck = traffic.now.waited[row] > kStuck && leader.gap > way.length;
     tactics.leaves_route =
         params.lane_change.max_detour > 0.0 && tactics.lane_change == 0 && ego.speed < kLastChanceSpeed &&
-        (way.length < kLastChance || traffic.now.refused[row] > params.lane_change.patience);
+        (way.length < kLastChance || stuck || traffic.now.refused[row] > params.lane_change.patience);
     tactics.speed_cap =
         std::min(tactics.speed_cap, SafeSpeed(way.length - 2.0, 0.0, params.driving.comfort_decel, 0.5));
   }

@@ -11,16 +11,19 @@ namespace {
 
 /// [m/s] below which a road user stands, or only creeps.
 constexpr double kStanding = 0.1, kCreeping = 0.5;
-/// [s] of waiting after which what stands on another road is crept by: it waits for us.
-constexpr float kPatience = 12.0f;
+/// [s] of waiting after which what stands on another road is crept by: it waits for us; or, at the yield
+/// line of a junction that is none of ours, for others, and will go.
+constexpr float kPatience = 12.0f, kOthersPatience = 90.0f;
 /// [s] likewise, persons at the kerb of a turn: by who reaches a little into the way, and by anybody.
 constexpr float kPersonPatience = 8.0f, kLongPatience = 25.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
 /// [s] for which a vehicle's lateral motion is taken to last.
 constexpr float kDriftTime = 1.0f;
+/// [s] likewise, a corner in the way of one that stands too near to turn away from it.
+constexpr float kWedged = 100.0f;
 /// [m] of overlap forgiven.
-constexpr float kReach = 0.05f, kALittle = 0.6f, kWholly = 1e3f;
+constexpr float kReach = 0.05f, kCorner = 0.3f, kALittle = 0.6f, kWholly = 1e3f;
 
 /// The lane a junction's internal lane leads to: its next part, or the lane behind the junction.
 LaneIndex NextOfInternal(const RoadNetwork& network, const Lane& lane) {
@@ -236,10 +239,19 @@ bool IsParallel(const World& world, AgentIndex row, const WayAhead& way) {
          });
 }
 
-/// Does the lane of this row, at a junction, wait for a signal?
-bool HasSignal(const World& world, AgentIndex row) {
+/// Does the lane of this row end at a junction on the ego's way?
+bool MeetsUsAhead(const World& world, AgentIndex row, const WayAhead& way) {
+  const RoadNetwork& network = *world.network;
+  const auto junction = [&](LaneIndex lane) { return network.edges[network.lanes[lane].edge].to_junction; };
+  const std::int32_t its_junction = junction(world.traffic->now.lane[row]);
+  return std::any_of(way.lanes.begin(), way.lanes.begin() + way.count,
+                     [&](const LaneAhead& ahead) { return junction(ahead.lane) == its_junction; });
+}
+
+/// How the lane of this row leads on; null: not at all.
+const Connection* WayOut(const World& world, AgentIndex row) {
   const Lane& lane = world.network->lanes[world.traffic->now.lane[row]];
-  return !lane.outgoing.empty() && world.network->connections[lane.outgoing.front()].signal != kNone;
+  return lane.outgoing.empty() ? nullptr : &world.network->connections[lane.outgoing.front()];
 }
 
 /// Keeps the nearest kMaxObstacles.
@@ -341,16 +353,23 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
         // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who
-        // waits for a signal will go, unless it waits for us.
+        // waits for a signal, or for others than us, will go.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
         const bool waits_inside = stands && IsInJunction(world, row);
-        const bool waits_for_us = (elder && speed < kCreeping && !HasSignal(world, row)) ||
-                                  (stands && world.traffic->now.waited[ego] > kPatience);
+        const Connection* way_out = WayOut(world, row);
+        const bool has_signal = way_out != nullptr && way_out->signal != kNone;
+        const bool waits_for_others =
+            way_out != nullptr && !has_signal && MustYield(*way_out) && !MeetsUsAhead(world, row, way);
+        const bool waits_for_us =
+            (elder && speed < kCreeping && !has_signal && !waits_for_others) ||
+            (stands && world.traffic->now.waited[ego] > (waits_for_others ? kOthersPatience : kPatience));
         if (creeping && (waits_inside || waits_for_us)) {
           obstacle.forgiven = kWholly;
         } else if (waits_inside) {
           obstacle.forgiven = kALittle;
         }
+      } else if (stands && creeping && world.traffic->now.waited[ego] > kWedged) {
+        obstacle.forgiven = kCorner;
       }
     }
     Keep(obstacle, view);

@@ -32,12 +32,13 @@ class DetourTest : public testing::Test {
 
   NetBuilder net_;
   const std::vector<EdgeIndex> route_{0, 1, 4, 5};  // r0 r1 x y
+  static constexpr std::size_t kLast = 3;
 };
 
 // On the inner lane of r1 the exit is missed: once more round the ring, 4 x 30 m.
 TEST_F(DetourTest, OnceMoreRoundTheRing) {
   const LaneIndex inner = net_.network.FindLane("r1_1");
-  const auto detour = FindDetour(net_.network, route_, 1, inner, kCar, 60.0);
+  const auto detour = FindDetour(net_.network, route_, 1, kLast, inner, kCar, 60.0);
   ASSERT_TRUE(detour);
   EXPECT_EQ(Ids(detour->route), "r1 r2 r3 r0 r1 x y ");
   EXPECT_DOUBLE_EQ(detour->extra_length, 120.0);
@@ -46,26 +47,35 @@ TEST_F(DetourTest, OnceMoreRoundTheRing) {
 
 TEST_F(DetourTest, NoneThatTakesTooLong) {
   const LaneIndex inner = net_.network.FindLane("r1_1");
-  EXPECT_TRUE(FindDetour(net_.network, route_, 1, inner, kCar, 12.0));
-  EXPECT_FALSE(FindDetour(net_.network, route_, 1, inner, kCar, 11.9));
+  EXPECT_TRUE(FindDetour(net_.network, route_, 1, kLast, inner, kCar, 12.0));
+  EXPECT_FALSE(FindDetour(net_.network, route_, 1, kLast, inner, kCar, 11.9));
 }
 
 // Where the ring is closed to cars, the way leads along d to the last edge: 30 + 1000 m instead of 100 m.
 TEST_F(DetourTest, ComesBackToALaterEdge) {
   net_.At("r3_0").allowed = net_.At("r3_1").allowed = VehicleClassBit("bus");
   const LaneIndex inner = net_.network.FindLane("r1_1");
-  const auto detour = FindDetour(net_.network, route_, 1, inner, kCar, 600.0);
+  const auto detour = FindDetour(net_.network, route_, 1, kLast, inner, kCar, 600.0);
   ASSERT_TRUE(detour);
   EXPECT_EQ(Ids(detour->route), "r1 r2 d y ");
   EXPECT_DOUBLE_EQ(detour->extra_length, 930.0);
-  EXPECT_EQ(Ids(FindDetour(net_.network, route_, 1, inner, kAllVehicleClasses, 600.0)->route),
+  EXPECT_EQ(Ids(FindDetour(net_.network, route_, 1, kLast, inner, kAllVehicleClasses, 600.0)->route),
+            "r1 r2 r3 r0 r1 x y ");
+}
+
+// A planned stop on x is not driven around, however long the way by d is allowed to take.
+TEST_F(DetourTest, ComesBackBeforeTheNextStop) {
+  net_.At("r3_0").allowed = net_.At("r3_1").allowed = VehicleClassBit("bus");
+  const LaneIndex inner = net_.network.FindLane("r1_1");
+  EXPECT_FALSE(FindDetour(net_.network, route_, 1, 2, inner, kCar, 600.0));
+  EXPECT_EQ(Ids(FindDetour(net_.network, route_, 1, 2, inner, kAllVehicleClasses, 600.0)->route),
             "r1 r2 r3 r0 r1 x y ");
 }
 
 TEST_F(DetourTest, NoneWhereTheLaneLeadsNowhere) {
-  EXPECT_FALSE(FindDetour(net_.network, route_, 2, net_.network.FindLane("y_0"), kCar, 1e6));
+  EXPECT_FALSE(FindDetour(net_.network, route_, 2, kLast, net_.network.FindLane("y_0"), kCar, 1e6));
   net_.At("r2_0").allowed = net_.At("r2_1").allowed = 0;
-  EXPECT_FALSE(FindDetour(net_.network, route_, 1, net_.network.FindLane("r1_1"), kCar, 1e6));
+  EXPECT_FALSE(FindDetour(net_.network, route_, 1, kLast, net_.network.FindLane("r1_1"), kCar, 1e6));
 }
 
 }  // namespace

@@ -212,6 +212,38 @@ TEST_F(ChainView, WhoHasWaitedLongCreepsByWhatStandsOnAnotherRoad) {
   EXPECT_EQ(forgiven(), 0.0f);
 }
 
+// A car stands across our way at a yield line, its front past us: it waits for others and will go.
+TEST(CrossView, WhoYieldsToOthersIsNotCreptThroughForLong) {
+  const auto forgiven = [](const std::string& state, float waited) {
+    const RoadNetwork network = LoadNetText(R"(<net version="1.9">
+      <edge id="a" from="A" to="B">
+        <lane id="a_0" index="0" speed="13.89" length="100" shape="0,0 100,0"/></edge>
+      <edge id="b" from="C" to="D">
+        <lane id="b_0" index="0" speed="13.89" length="55" shape="46,-50 46,5"/></edge>
+      <edge id="c" from="D" to="E">
+        <lane id="c_0" index="0" speed="13.89" length="50" shape="46,5 46,55"/></edge>
+      <junction id="A" type="dead_end" incLanes="" intLanes=""/>
+      <junction id="B" type="dead_end" incLanes="a_0" intLanes=""/>
+      <junction id="C" type="dead_end" incLanes="" intLanes=""/>
+      <junction id="D" type="priority" incLanes="b_0" intLanes=""/>
+      <junction id="E" type="dead_end" incLanes="c_0" intLanes=""/>
+      <connection from="b" to="c" fromLane="0" toLane="0" dir="s" state=")" +
+                                            state + R"("/></net>)");
+    Scene scene(network);
+    scene.Add({"b", "c"}, 0, 52.0, 0.0);
+    scene.Add({"a"}, 0, 40.0, 0.0);
+    scene.traffic().now.waited[1] = waited;
+    RoadView view;
+    const World world = scene.Look();
+    SenseRoad(world, 1, LookAhead(world, 1, 20.0), 30.0, true, &view);
+    return view.obstacle_count == 1 ? view.obstacles[0].forgiven : -1.0f;
+  };
+  EXPECT_EQ(forgiven("M", 11.0f), 0.0f);
+  EXPECT_GT(forgiven("M", 13.0f), 100.0f);
+  EXPECT_EQ(forgiven("m", 13.0f), 0.0f);
+  EXPECT_GT(forgiven("m", 91.0f), 100.0f);
+}
+
 // Its tangent points across our path; its lane bends and passes us 3.2 m to the left.
 TEST(BendView, WhoComesTowardsUsFollowsItsLane) {
   const RoadNetwork network = LoadNetText(R"(<net version="1.9">

@@ -106,6 +106,20 @@ TEST_F(TacticsTest, PatienceEndsWhileOthersPass) {
   EXPECT_FALSE(scene_.Decide(0, params).refused);
 }
 
+// In a circle of vehicles that wait for each other nobody passes: it ends where one of them leaves it.
+TEST_F(TacticsTest, WhoIsStuckForLongLeavesItsRoute) {
+  scene_.Add({"a", "b"}, 0, 385.0, 0.0);
+  scene_.Add({"a", "b"}, 1, 384.0, 0.0);
+  AgentParams params;
+  params.lane_change.max_detour = 300.0;
+  scene_.traffic().now.waited[0] = 119.0f;
+  EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
+  scene_.traffic().now.waited[0] = 121.0f;
+  EXPECT_TRUE(scene_.Decide(0, params).leaves_route);
+  scene_.Add({"a", "b"}, 0, 392.0, 0.0);  // Behind another it only waits in line.
+  EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
+}
+
 // 20 m before the fork (only near the lane's end does one let in).
 // We are on the left lane; the car 15 m ahead on the right lane must come over and says so. We let it in:
 // braking no harder than cooperation_decel.

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "agents/sensing/road_view.h"
+
+namespace lanewise {
+
+/// The last check before a command is given. A plan counts on its course being steered as planned and on
+/// others keeping their speed; where a neighbour comes to a stop, a turning body can still graze its corner.
+/// @param leader the vehicle that is followed, which the planner keeps its distance from; kNone: none.
+/// @param steering_angle [rad] and @param speed [m/s] that are about to be commanded.
+/// @return true if the ego, which now touches nothing, would within the next step, the braking distance
+/// behind it and a metre to turn away in touch something of the view that stands or walks: then it is time to
+/// brake as hard as it can. Not from 6 m/s on, and no vehicle once the ego has waited: it may be the ego that
+/// is waited for.
+bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const RoadView& view,
+                  double steering_angle, double speed, double dt);
+
+}  // namespace lanewise
