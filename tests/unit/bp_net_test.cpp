@@ -15,7 +15,9 @@ std::vector<LabelledScan> TrainingSamples(std::uint64_t seed) {
 }
 
 TEST(Activation, EqualsTheirClosedForms) {
-  for (const double n : {-800.0, -3.0, -0.2, 0.0, 0.7, 5.0, 800.0}) {
+  std::vector<double> sums = {-1e300, -800.0, 0.0, 1e-9, 800.0, 1e300};
+  for (int k = -4000; k <= 4000; ++k) sums.push_back(0.0101 * k);
+  for (const double n : sums) {
     Eigen::Array4d x = Eigen::Array4d::Constant(n);
     const Eigen::Array4d tansig = Tansig(x), logsig = Logsig(x);
     EXPECT_NEAR(tansig[2], std::tanh(n), 4e-16) << n;
