@@ -33,6 +33,13 @@ class SpatialGrid {
   /// memory in runs. accept is called for some points of other cells too.
   template <class Accept, class Visitor>
   void ForEachNearIf(double x, double y, double radius, Accept&& accept, Visitor&& visit) const;
+  /// Fills `slots` with the slots of the points whose distance2(slot) [m^2] from (x, y) is at most radius^2,
+  /// and `distances2` with those; returns how many: for where many are near, as no branch depends on what
+  /// is read. Both vectors keep a length of one more than there are points. distance2 is called for some
+  /// points of other cells too.
+  template <class Distance2>
+  std::size_t SlotsWithin(double x, double y, double radius, Distance2&& distance2,
+                          std::vector<std::uint32_t>* slots, std::vector<double>* distances2) const;
 
  private:
   /// Column or row of a coordinate. Saturates far outside any map (and for NaN), so the cast is defined.
@@ -54,6 +61,11 @@ class SpatialGrid {
     return (hash + static_cast<std::uint32_t>(row)) & mask_;
   }
 
+  /// Calls run(begin, end, first, last) for runs of slots that together hold the points of ForEachNear once:
+  /// those whose item_cell_ is first .. last. A bucket may hold items of other cells.
+  template <class Run>
+  void ForEachRun(double x, double y, double radius, Run&& run) const;
+
   double cell_size_;
   std::uint32_t mask_{0};                 // Buckets - 1; buckets are a power of two >= 2 * points.
   std::vector<std::uint32_t> start_;      // By bucket, length buckets + 1.
@@ -64,6 +76,41 @@ class SpatialGrid {
 
 template <class Accept, class Visitor>
 void SpatialGrid::ForEachNearIf(double x, double y, double radius, Accept&& accept, Visitor&& visit) const {
+  ForEachRun(x, y, radius,
+             [&](std::uint32_t begin, std::uint32_t end, std::int64_t first, std::int64_t last) {
+               for (std::uint32_t k = begin; k < end; ++k) {
+                 if (accept(k) && item_cell_[k] >= first && item_cell_[k] <= last) visit(items_[k]);
+               }
+             });
+}
+
+template <class Distance2>
+std::size_t SpatialGrid::SlotsWithin(double x, double y, double radius, Distance2&& distance2,
+                                     std::vector<std::uint32_t>* slots,
+                                     std::vector<double>* distances2) const {
+  slots->resize(items_.size() + 1);  // The last is written to, never kept.
+  distances2->resize(items_.size() + 1);
+  std::uint32_t* const slot = slots->data();
+  double* const near2 = distances2->data();
+  const double radius2 = radius * radius;
+  std::size_t count = 0;
+  ForEachRun(x, y, radius,
+             [&](std::uint32_t begin, std::uint32_t end, std::int64_t first, std::int64_t last) {
+               const auto cells = static_cast<std::uint64_t>(last - first);
+               std::size_t next = count;
+               for (std::uint32_t k = begin; k < end; ++k) {
+                 slot[next] = k;
+                 near2[next] = distance2(k);
+                 next += static_cast<std::size_t>(near2[next] <= radius2) &
+                         static_cast<std::size_t>(static_cast<std::uint64_t>(item_cell_[k] - first) <= cells);
+               }
+               count = next;
+             });
+  return count;
+}
+
+template <class Run>
+void SpatialGrid::ForEachRun(double x, double y, double radius, Run&& run) const {
   if (items_.empty()) return;
   const std::int32_t first_row = CellOf(y - radius);
   const std::int32_t last_row = CellOf(y + radius);
@@ -72,13 +119,6 @@ void SpatialGrid::ForEachNearIf(double x, double y, double radius, Accept&& acce
   const std::int32_t last_column = CellOf(x + radius);
   const std::int64_t columns = static_cast<std::int64_t>(last_column) - first_column + 1;
 
-  // A bucket may hold items of other cells: only those of the cells first .. last of this column count.
-  const auto visit_items = [&](std::uint32_t begin, std::uint32_t end, std::int64_t first,
-                               std::int64_t last) {
-    for (std::uint32_t k = begin; k < end; ++k) {
-      if (accept(k) && item_cell_[k] >= first && item_cell_[k] <= last) visit(items_[k]);
-    }
-  };
   const auto item_count = static_cast<std::uint32_t>(items_.size());
   // More rows than buckets would meet items twice; beyond the number of items walking them all is cheaper
   // too.
@@ -86,8 +126,8 @@ void SpatialGrid::ForEachNearIf(double x, double y, double radius, Accept&& acce
     for (std::uint32_t k = 0; k < item_count; ++k) {
       const std::int64_t column = (item_cell_[k] + (std::int64_t{1} << 31)) >> 32;
       if (column >= first_column && column <= last_column) {
-        visit_items(k, k + 1, Pack(static_cast<std::int32_t>(column), first_row),
-                    Pack(static_cast<std::int32_t>(column), last_row));
+        run(k, k + 1, Pack(static_cast<std::int32_t>(column), first_row),
+            Pack(static_cast<std::int32_t>(column), last_row));
       }
     }
     return;
@@ -98,10 +138,10 @@ void SpatialGrid::ForEachNearIf(double x, double y, double radius, Accept&& acce
     const std::uint32_t begin = BucketOf(column, first_row);
     const std::uint32_t end = BucketOf(column, last_row) + 1;
     if (begin < end) {
-      visit_items(start_[begin], start_[end], first, last);
+      run(start_[begin], start_[end], first, last);
     } else {  // Around the end of the table.
-      visit_items(start_[begin], item_count, first, last);
-      visit_items(0, start_[end], first, last);
+      run(start_[begin], item_count, first, last);
+      run(0, start_[end], first, last);
     }
   }
 }

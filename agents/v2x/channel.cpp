@@ -21,18 +21,22 @@ constexpr std::int32_t kMaxUnchangedCams = 3;
 constexpr double kBusyWindow = 0.1;
 constexpr double kTimeTolerance = 1e-9;  // [s]
 constexpr double kCellSize = 100.0;      // [m]
+constexpr std::size_t kChunk = 64;       // Receivers that one thread serves in a row.
 
 }  // namespace
 
 Channel::Channel(const RoadNetwork& network, const V2xParams& params)
     : network_(network),
       params_(params),
+      reception_(params, false),
       grid_(kCellSize),
+      receiver_grid_(kCellSize),
       scratch_(static_cast<std::size_t>(omp_get_max_threads())) {}
 
 void Channel::Open(V2xLevel level, std::uint64_t seed) {
   level_ = level;
   seed_ = seed;
+  reception_ = Reception(params_, level == V2xLevel::kLoaded);
 }
 
 StationId Channel::AddRoadsideUnit(double x, double y, std::string_view name) {
@@ -61,30 +65,22 @@ void Channel::Exchange(double dt, const Traffic& traffic) {
   // The team may have grown since.
   if (scratch_.size() < static_cast<std::size_t>(omp_get_max_threads()))
     scratch_.resize(static_cast<std::size_t>(omp_get_max_threads()));
-  for (Scratch& scratch : scratch_) scratch.counts.age_histogram.resize(log_.size());
-  // Draws above it mean a latency of more than none and at most a step: most need no logarithm. A little
-  // more, so that rounding decides nothing.
-  const double spread = params_.latency_mean - params_.latency_min;
-  one_step_from_ = params_.latency_min > 1e-6 && params_.latency_min < dt && spread > 0.0
-                       ? std::exp((params_.latency_min - dt) / spread) + 1e-6
-                       : 1.0;
+  for (Scratch& scratch : scratch_) scratch.ages.resize(log_.size() + 1);
+  reception_.SetStep(dt);
   EnrollVehicles(traffic);
   NoteFollowers(traffic);
   Generate(dt, traffic);
   if (level_ != V2xLevel::kIdeal) {
-    grid_.Build(sender_x_, sender_y_);
-    const std::span<const AgentIndex> items = grid_.items();
-    slot_sender_.resize(items.size());
-    slot_x_.resize(items.size());
-    slot_y_.resize(items.size());
-    for (std::size_t k = 0; k < items.size(); ++k) {
-      slot_sender_[k] = senders_[items[k]];
-      slot_x_[k] = sender_x_[items[k]];
-      slot_y_[k] = sender_y_[items[k]];
-    }
-#pragma omp parallel for schedule(dynamic, 16) if (stations_.size() >= kMinParallelStations)
-    for (std::size_t k = 0; k < stations_.size(); ++k) {
-      if (stations_[k].on_air) Receive(dt, &stations_[k], &scratch_[omp_get_thread_num()]);
+    SortSenders();
+    const std::span<const AgentIndex> order = receiver_grid_.items();
+    const auto station = [&](std::size_t k) { return &stations_[receiver_[order[k]]]; };
+#pragma omp parallel for schedule(dynamic, kChunk) if (stations_.size() >= kMinParallelStations)
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      // Inboxes lie cold from one step to the next: fetched while others are served. Not those of the next
+      // chunk, which another thread may write to.
+      if (k + 2 < order.size()) __builtin_prefetch(station(k + 2));
+      if ((k + 1) % kChunk != 0 && k + 1 < order.size()) station(k + 1)->inbox.Prefetch();
+      Receive(dt, station(k), &scratch_[static_cast<std::size_t>(omp_get_thread_num())]);
     }
   }
   Gather();
@@ -107,6 +103,7 @@ std::size_t Channel::Enroll(StationId id, std::uint64_t key) {
   station.cam = {};
   station.cam.t_gen_cam = params_.cam_max_interval;
   station.inbox.Clear();
+  station.due.clear();
   station.latest = {};
   return slot;
 }
@@ -126,6 +123,7 @@ void Channel::EnrollVehicles(const Traffic& traffic) {
     Station& station = stations_[static_cast<std::size_t>(vehicle_slot_[number])];
     station.seen = step_;
     station.on_air = station.equipped && traffic.now.lane[row] != kNone;
+    if (!station.on_air) Delay(&station);
     station.x = traffic.now.x[row];
     station.y = traffic.now.y[row];
   }
@@ -140,6 +138,14 @@ void Channel::EnrollVehicles(const Traffic& traffic) {
     }
     on_air_ += station.on_air;
   }
+}
+
+void Channel::Delay(Station* station) {
+  for (const std::uint32_t slot : station->due) {
+    const Sender& sender = slot_sender_[slot];
+    station->inbox.Send({sender.id, step_ - 1, step_, sender.index});
+  }
+  station->due.clear();
 }
 
 bool Channel::MustSend(double dt, const Motion& now, std::size_t row, bool in_platoon, CamState* cam) const {
@@ -203,15 +209,15 @@ void Channel::Send(Station* station, const Message& message, double bytes) {
   sent.back().step = step_;
   if (level_ == V2xLevel::kIdeal) {
     if (station->latest.sender != kNone && station->latest.sent >= oldest_)
-      CountAges(station->latest, on_air_ - 1, &counts_);
+      CountAges(station->latest, on_air_ - 1, &scratch_[0]);
     counts_.fates[static_cast<std::size_t>(Fate::kDelivered)] += on_air_ - 1;
     station->latest = entry;
     return;
   }
   senders_.push_back(
-      {station->id, entry.index,
-       RandomStream(seed_, station->key, RandomPurpose::kRadioDelivery, static_cast<std::uint64_t>(step_)),
-       Airtime(bytes, params_.bitrate)});
+      {RandomStream(seed_, station->key, RandomPurpose::kRadioDelivery, static_cast<std::uint64_t>(step_)),
+       station->id, entry.index});
+  sender_airtime_.push_back(Airtime(bytes, params_.bitrate));
   sender_x_.push_back(station->x);
   sender_y_.push_back(station->y);
 }
@@ -242,6 +248,7 @@ void Channel::Generate(double dt, const Traffic& traffic) {
   senders_.clear();
   sender_x_.clear();
   sender_y_.clear();
+  sender_airtime_.clear();
   for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
     Station& station =
         stations_[static_cast<std::size_t>(vehicle_slot_[static_cast<std::size_t>(traffic.number[row])])];
@@ -266,108 +273,128 @@ void Channel::Generate(double dt, const Traffic& traffic) {
   posted_.clear();
 }
 
-Channel::Odds Channel::OddsAt(double distance2, double load) const {
-  Odds odds;
-  odds.not_dropped = 1.0 - params_.loss;
-  odds.not_faded =
-      odds.not_dropped * FadingReception(distance2 / (params_.fading_range * params_.fading_range));
-  odds.delivered = odds.not_faded;
-  if (level_ == V2xLevel::kLoaded)
-    odds.delivered *= CollisionFree(load, HiddenShare(std::sqrt(distance2), params_.carrier_sense_range));
-  return odds;
-}
-
-Channel::Reception Channel::Deliver(const RandomStream& draws, std::uint64_t receiver_key, double distance2,
-                                    double load, double sure, double dt) const {
-  if (level_ == V2xLevel::kRange) return {Fate::kDelivered, 0};
-  // One draw decides the fate, in this order of causes: more of a later cause takes no earlier one's
-  // messages.
-  const std::uint64_t bits = draws.Bits(receiver_key);
-  const double u = static_cast<double>(bits >> 32) * 0x1.0p-32;
-  if (u >= sure) {
-    const Odds odds = OddsAt(distance2, load);
-    if (u >= odds.not_dropped) return {Fate::kDropped, 0};
-    if (u >= odds.not_faded) return {Fate::kFaded, 0};
-    if (u >= odds.delivered) return {Fate::kCollided, 0};
+void Channel::SortSenders() {
+  slot_sender_.swap(last_slot_sender_);
+  grid_.Build(sender_x_, sender_y_);
+  const std::span<const AgentIndex> items = grid_.items();
+  slot_sender_.resize(items.size());
+  slot_x_.resize(items.size());
+  slot_y_.resize(items.size());
+  slot_airtime_.resize(items.size());
+  for (std::size_t k = 0; k < items.size(); ++k) {
+    slot_sender_[k] = senders_[items[k]];
+    slot_x_[k] = sender_x_[items[k]];
+    slot_y_[k] = sender_y_[items[k]];
+    slot_airtime_[k] = sender_airtime_[items[k]];
   }
-  // Shifted exponential latency, cut off.
-  const double v = (static_cast<double>(bits & 0xffffffffULL) + 0.5) * 0x1.0p-32;
-  if (v > one_step_from_) return {Fate::kDelivered, 1};
-  const double latency = std::min(
-      params_.latency_max, params_.latency_min - (params_.latency_mean - params_.latency_min) * std::log(v));
-  return {Fate::kDelivered, static_cast<std::int32_t>(std::ceil(latency / dt - kTimeTolerance))};
+  receiver_.clear();
+  receiver_x_.clear();
+  receiver_y_.clear();
+  for (std::size_t k = 0; k < stations_.size(); ++k) {
+    if (!stations_[k].on_air) continue;
+    receiver_.push_back(k);
+    receiver_x_.push_back(stations_[k].x);
+    receiver_y_.push_back(stations_[k].y);
+  }
+  receiver_grid_.Build(receiver_x_, receiver_y_);
 }
 
 void Channel::Receive(double dt, Station* receiver, Scratch* scratch) {
-  const bool loaded = level_ == V2xLevel::kLoaded, at_once = level_ == V2xLevel::kRange;
-  receiver->inbox.PrefetchArrivals();  // It is here when the search below is done.
-  const double range2 = params_.range * params_.range;
-  const double reach = loaded ? params_.carrier_sense_range : params_.range, reach2 = reach * reach;
-  scratch->near.clear();
-  scratch->near.reserve(senders_.size());
-  double airtime = 0.0, distance2 = 0.0;
-  std::uint32_t slot = 0;
-  grid_.ForEachNearIf(
-      receiver->x, receiver->y, reach,
-      [&](std::uint32_t candidate) {
-        slot = candidate;
-        const double dx = slot_x_[slot] - receiver->x, dy = slot_y_[slot] - receiver->y;
-        distance2 = dx * dx + dy * dy;
-        return distance2 <= reach2;
+  const bool loaded = level_ == V2xLevel::kLoaded;
+  std::vector<std::uint32_t>& near = scratch->near;
+  std::vector<double>& near2 = scratch->near2;
+  const std::size_t sensed = grid_.SlotsWithin(
+      receiver->x, receiver->y, loaded ? params_.carrier_sense_range : params_.range,
+      [xs = slot_x_.data(), ys = slot_y_.data(), x = receiver->x, y = receiver->y](std::uint32_t slot) {
+        const double dx = xs[slot] - x, dy = ys[slot] - y;
+        return dx * dx + dy * dy;
       },
-      [&](AgentIndex) {
-        airtime += slot_sender_[slot].airtime;
-        if (distance2 > range2 || slot_sender_[slot].id == receiver->id) return;
-        if (at_once) receiver->inbox.Prefetch(slot_sender_[slot].id);
-        scratch->near.emplace_back(slot, distance2);
-      });
+      &near, &near2);
   if (loaded) {
+    double airtime = 0.0;
+    for (std::size_t k = 0; k < sensed; ++k) airtime += slot_airtime_[near[k]];
     const double share = std::min(1.0, dt / kBusyWindow);
     receiver->busy += share * (std::min(1.0, airtime / dt) - receiver->busy);
   }
-  receiver->inbox.Arrive(step_, [&](const Inbox::Entry& entry) { Keep(entry, receiver, &scratch->counts); });
-  // Within range a message arrives at least as likely as from its edge.
-  const double sure = OddsAt(range2, receiver->busy).delivered;
-  for (const auto& [near_slot, near2] : scratch->near) {
-    const Sender& sender = slot_sender_[near_slot];
-    const Reception reception = Deliver(sender.draws, receiver->key, near2, receiver->busy, sure, dt);
-    ++scratch->counts.fates[static_cast<std::size_t>(reception.fate)];
-    if (reception.fate != Fate::kDelivered) continue;
-    const Inbox::Entry entry{sender.id, step_, step_ + reception.latency, sender.index};
-    if (reception.latency > 0) {
-      receiver->inbox.Send(entry);
-    } else {
-      Keep(entry, receiver, &scratch->counts);
-    }
+  const double range2 = params_.range * params_.range;
+  std::size_t count = 0;
+  for (std::size_t k = 0; k < sensed; ++k) {
+    const std::uint32_t slot = near[k];
+    const double distance2 = near2[k];
+    near[count] = slot;
+    near2[count] = distance2;
+    count += static_cast<std::size_t>(distance2 <= range2) &
+             static_cast<std::size_t>(slot_sender_[slot].id != receiver->id);
+  }
+  for (const std::uint32_t slot : receiver->due) {
+    const Sender& sender = last_slot_sender_[slot];
+    Keep({sender.id, step_ - 1, step_, sender.index}, receiver, scratch);
+  }
+  receiver->due.clear();
+  receiver->inbox.Arrive(step_, [&](const Inbox::Entry& entry) { Keep(entry, receiver, scratch); });
+  if (level_ != V2xLevel::kRange) return Deliver(count, receiver, scratch);
+  scratch->fates[static_cast<std::size_t>(Fate::kDelivered)] += static_cast<std::int64_t>(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Sender& sender = slot_sender_[near[k]];
+    Keep({sender.id, step_, step_, sender.index}, receiver, scratch);
   }
 }
 
-void Channel::Keep(const Inbox::Entry& entry, Station* receiver, ChannelCounts* counts) const {
-  const Inbox::Entry before = receiver->inbox.Put(entry, oldest_);
-  if (before.sender != kNone && before.sent < entry.sent) CountAges(before, 1, counts);
+void Channel::Deliver(std::size_t count, Station* receiver, Scratch* scratch) const {
+  const double load = receiver->busy;
+  const std::uint64_t key = receiver->key;
+  const Reception::Bounds* bounds = reception_.AtLoad(load);
+  if (receiver->due.capacity() < count) receiver->due.reserve(2 * count);  // A warm step does not allocate.
+  receiver->due.resize(count);
+  std::uint32_t* due = receiver->due.data();
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::uint32_t slot = scratch->near[k];
+    const std::uint64_t bits = slot_sender_[slot].draws.Bits(key);
+    const auto latency_draw = static_cast<std::uint32_t>(bits);
+    const Fate fate =
+        reception_.FateOf(bounds, load, scratch->near2[k], static_cast<std::uint32_t>(bits >> 32));
+    ++scratch->fates[static_cast<std::size_t>(fate)];
+    const bool delivered = fate == Fate::kDelivered, next_step = reception_.IsThereNextStep(latency_draw);
+    *due = slot;
+    due += static_cast<int>(delivered) & static_cast<int>(next_step);
+    if (delivered & !next_step) [[unlikely]] {
+      const Sender& sender = slot_sender_[slot];
+      const std::int32_t latency = reception_.Latency(latency_draw);
+      const Inbox::Entry entry{sender.id, step_, step_ + latency, sender.index};
+      if (latency > 0) {
+        receiver->inbox.Send(entry);
+      } else {
+        Keep(entry, receiver, scratch);
+      }
+    }
+  }
+  receiver->due.resize(static_cast<std::size_t>(due - receiver->due.data()));
 }
 
-void Channel::CountAges(const Inbox::Entry& before, std::int64_t pairs, ChannelCounts* counts) const {
-  const std::int64_t first = before.received - before.sent, count = step_ - before.received;
-  counts->age_count += pairs * count;
-  counts->age_steps += pairs * (count * first + count * (count - 1) / 2);
-  for (std::int64_t age = first; age < first + count; ++age)
-    counts->age_histogram[static_cast<std::size_t>(age)] += pairs;
+void Channel::Keep(const Inbox::Entry& entry, Station* receiver, Scratch* scratch) const {
+  const Inbox::Entry before = receiver->inbox.Put(entry, oldest_);
+  if (before.sender != kNone && before.sent < entry.sent) CountAges(before, 1, scratch);
+}
+
+void Channel::CountAges(const Inbox::Entry& before, std::int64_t pairs, Scratch* scratch) const {
+  scratch->ages[static_cast<std::size_t>(before.received - before.sent)] += pairs;
+  scratch->ages[static_cast<std::size_t>(step_ - before.sent)] -= pairs;
 }
 
 void Channel::Gather() {
   counts_.station_steps += on_air_;
   counts_.sent += static_cast<std::int64_t>(log_[static_cast<std::size_t>(step_) % log_.size()].size());
   for (Scratch& scratch : scratch_) {
-    ChannelCounts& part = scratch.counts;
-    for (std::size_t k = 0; k < kFates; ++k) counts_.fates[k] += part.fates[k];
-    counts_.age_count += part.age_count;
-    counts_.age_steps += part.age_steps;
-    for (std::size_t k = 0; k < part.age_histogram.size(); ++k)
-      counts_.age_histogram[k] += part.age_histogram[k];
-    part.fates = {};
-    part.age_count = part.age_steps = 0;
-    std::fill(part.age_histogram.begin(), part.age_histogram.end(), 0);
+    for (std::size_t k = 0; k < kFates; ++k) counts_.fates[k] += scratch.fates[k];
+    std::int64_t pairs = 0;
+    for (std::size_t age = 0; age < log_.size(); ++age) {
+      pairs += scratch.ages[age];
+      counts_.age_histogram[age] += pairs;
+      counts_.age_count += pairs;
+      counts_.age_steps += pairs * static_cast<std::int64_t>(age);
+    }
+    scratch.fates = {};
+    std::fill(scratch.ages.begin(), scratch.ages.end(), 0);
   }
   if (level_ != V2xLevel::kLoaded) return;
   counts_.step_busy_max = 0.0;
@@ -392,8 +419,8 @@ std::optional<Received> Channel::LastFrom(StationId receiver, StationId sender) 
   const Station* station = Find(receiver);
   if (station == nullptr || !station->equipped || receiver == sender) return std::nullopt;
   if (level_ != V2xLevel::kIdeal) {
-    const Inbox::Entry* entry = station->inbox.Find(sender, oldest_);
-    return entry == nullptr ? std::nullopt : std::optional(AsReceived(*entry));
+    const auto entry = station->inbox.Find(sender, oldest_);
+    return entry ? std::optional(AsReceived(*entry)) : std::nullopt;
   }
   const Station* other = Find(sender);
   if (other == nullptr || other->latest.sender == kNone || other->latest.sent < oldest_) return std::nullopt;

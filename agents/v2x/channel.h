@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -13,6 +14,7 @@
 #include "agents/v2x/channel_counts.h"
 #include "agents/v2x/inbox.h"
 #include "agents/v2x/message.h"
+#include "agents/v2x/reception.h"
 #include "agents/v2x/v2x_level.h"
 
 namespace lanewise {
@@ -70,52 +72,46 @@ class Channel {
     std::int32_t followed{-1};  // Last step in which it knew of one that cruises behind it.
     CamState cam;
     Inbox inbox;
-    Inbox::Entry latest;  // Its own last message, for kIdeal.
+    std::vector<std::uint32_t> due;  // Slots of the last step's senders whose messages are here in this one.
+    Inbox::Entry latest;             // Its own last message, for kIdeal.
   };
   /// A sender of this step.
   struct Sender {
+    RandomStream draws{0, 0, RandomPurpose::kRadioDelivery, 0};
     StationId id{kNone};
     std::int32_t index{0};  // Of its message in the log.
-    RandomStream draws{0, 0, RandomPurpose::kRadioDelivery, 0};
-    double airtime{0.0};  // [s]
   };
   struct Posted {
     StationId unit;
     std::uint64_t payload;
     double bytes;
   };
-  struct Reception {
-    Fate fate;
-    std::int32_t latency;  // Steps.
-  };
   /// Of one thread.
   struct Scratch {
-    std::vector<std::pair<std::uint32_t, double>> near;  // Slot of a sender in range, squared distance [m^2].
-    ChannelCounts counts;
+    std::vector<std::uint32_t> near;  // Slots of the senders in range,
+    std::vector<double> near2;        // and their squared distances [m^2].
+    std::array<std::int64_t, kFates> fates{};
+    /// ages[k]: pairs whose messages begin to be k steps old, less those that stop to be k - 1 steps old.
+    std::vector<std::int64_t> ages;
   };
 
   std::size_t Enroll(StationId id, std::uint64_t key);
   void EnrollVehicles(const Traffic& traffic);
+  /// A station that is off the road takes what is due when it is back.
+  void Delay(Station* station);
   /// Notes for each vehicle whether it knows by a message that another one cruises behind it.
   void NoteFollowers(const Traffic& traffic);
   bool MustSend(double dt, const Motion& now, std::size_t row, bool in_platoon, CamState* cam) const;
   Message Describe(const Traffic& traffic, std::size_t row, std::uint64_t key) const;
   void Send(Station* station, const Message& message, double bytes);
   void Generate(double dt, const Traffic& traffic);
+  void SortSenders();
   void Receive(double dt, Station* receiver, Scratch* scratch);
-  void Keep(const Inbox::Entry& entry, Station* receiver, ChannelCounts* counts) const;
-  /// Shares of messages that a cause and those before it leave, over a squared distance [m^2] and at a load
-  /// of the channel at the receiver. They fall with the distance.
-  struct Odds {
-    double not_dropped, not_faded, delivered;
-  };
-  Odds OddsAt(double distance2, double load) const;
-  /// What becomes of a message: of its sender's draws, the receiver's key, their distance and the load there.
-  /// @param sure draws below it are delivered: no share to compute.
-  Reception Deliver(const RandomStream& draws, std::uint64_t receiver_key, double distance2, double load,
-                    double sure, double dt) const;
+  /// What becomes of the messages of the first `count` in scratch->near.
+  void Deliver(std::size_t count, Station* receiver, Scratch* scratch) const;
+  void Keep(const Inbox::Entry& entry, Station* receiver, Scratch* scratch) const;
   /// Counts the ages of a message from when it was known until the next one is, for `pairs` receivers.
-  void CountAges(const Inbox::Entry& before, std::int64_t pairs, ChannelCounts* counts) const;
+  void CountAges(const Inbox::Entry& before, std::int64_t pairs, Scratch* scratch) const;
   void Gather();
   const Station* Find(StationId station) const;
   const Message& MessageOf(const Inbox::Entry& entry) const {
@@ -130,10 +126,10 @@ class Channel {
   V2xLevel level_{V2xLevel::kOff};
   std::uint64_t seed_{0};
   std::int32_t step_{-1};
-  double dt_{0.1};             // [s]
-  std::int32_t oldest_{0};     // Step from which messages are remembered.
-  std::int64_t on_air_{0};     // Stations, now.
-  double one_step_from_{1.0};  // Latency draws above it: one step.
+  double dt_{0.1};          // [s]
+  std::int32_t oldest_{0};  // Step from which messages are remembered.
+  std::int64_t on_air_{0};  // Stations, now.
+  Reception reception_;
   std::vector<Station> stations_;
   std::vector<std::size_t> free_;           // Slots of stations_.
   std::vector<std::int32_t> vehicle_slot_;  // By vehicle number; kNone: none.
@@ -141,10 +137,14 @@ class Channel {
   std::vector<Posted> posted_;
   std::vector<std::vector<Message>> log_;  // By step modulo its size: messages sent then.
   std::vector<Sender> senders_;            // Of this step, in order of rows;
-  std::vector<double> sender_x_, sender_y_;
+  std::vector<double> sender_x_, sender_y_, sender_airtime_;
   std::vector<Sender> slot_sender_;  // and in the grid's order, in which receivers read them.
-  std::vector<double> slot_x_, slot_y_;
+  std::vector<Sender> last_slot_sender_;
+  std::vector<double> slot_x_, slot_y_, slot_airtime_;
   SpatialGrid grid_;
+  std::vector<std::size_t> receiver_;  // Slots of stations on the air,
+  std::vector<double> receiver_x_, receiver_y_;
+  SpatialGrid receiver_grid_;     // taken in the order of this grid: neighbors read the same senders.
   std::vector<Scratch> scratch_;  // By thread.
   ChannelCounts counts_;
 };

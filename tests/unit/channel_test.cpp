@@ -373,6 +373,23 @@ TEST(Channel, ForgetsWhoHasLeft) {
   EXPECT_NEAR(channel.LastFrom(1, 0)->age, kDt, 1e-12);
 }
 
+TEST(Channel, WhoIsOffTheRoadTakesWhatWasDueWhenItIsBack) {
+  Cars cars(2);
+  V2xParams params = EveryStep();
+  params.fading_range = 5000.0;
+  Channel channel(cars.network, params);
+  channel.Open(V2xLevel::kLossy, 1);
+  channel.Exchange(kDt, cars.traffic);
+  EXPECT_FALSE(channel.LastFrom(0, 1)) << "on its way";
+  cars.traffic.now.lane[0] = kNone;
+  for (int k = 0; k < 3; ++k) channel.Exchange(kDt, cars.traffic);
+  EXPECT_FALSE(channel.LastFrom(0, 1));
+  cars.traffic.now.lane[0] = 0;
+  channel.Exchange(kDt, cars.traffic);
+  ASSERT_TRUE(channel.LastFrom(0, 1));
+  EXPECT_EQ(channel.LastFrom(0, 1)->message->step, 0);
+}
+
 TEST(Channel, AgesAreCountedBetweenMessages) {
   Cars cars(2);
   Channel channel(cars.network, {});  // Both stand: a message a second.

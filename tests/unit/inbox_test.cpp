@@ -10,17 +10,17 @@ namespace {
 
 TEST(Inbox, KeepsTheLastMessageOfEachSender) {
   Inbox inbox;
-  EXPECT_EQ(inbox.Find(7, 0), nullptr);
+  EXPECT_FALSE(inbox.Find(7, 0));
   EXPECT_EQ(inbox.Put({7, 1, 1, 0}, 0).sender, kNone);
   EXPECT_EQ(inbox.Put({7, 3, 4, 5}, 0).sent, 1);
-  ASSERT_NE(inbox.Find(7, 0), nullptr);
+  ASSERT_TRUE(inbox.Find(7, 0));
   EXPECT_EQ(inbox.Find(7, 0)->index, 5);
   // One that was overtaken changes nothing.
   EXPECT_EQ(inbox.Put({7, 2, 5, 9}, 0).sent, 3);
   EXPECT_EQ(inbox.Find(7, 0)->sent, 3);
-  EXPECT_EQ(inbox.Find(7, 4), nullptr) << "older than what is remembered";
+  EXPECT_FALSE(inbox.Find(7, 4)) << "older than what is remembered";
   inbox.Clear();
-  EXPECT_EQ(inbox.Find(7, 0), nullptr);
+  EXPECT_FALSE(inbox.Find(7, 0));
 }
 
 TEST(Inbox, AgreesWithAMapWhileSendersComeAndGo) {
@@ -43,9 +43,9 @@ TEST(Inbox, AgreesWithAMapWhileSendersComeAndGo) {
     }
     std::size_t known = 0, visited = 0;
     for (const auto& [sender, entry] : reference) {
-      const Inbox::Entry* found = inbox.Find(sender, oldest);
-      ASSERT_EQ(found != nullptr, entry.sent >= oldest) << "step " << step << " sender " << sender;
-      if (found == nullptr) continue;
+      const auto found = inbox.Find(sender, oldest);
+      ASSERT_EQ(found.has_value(), entry.sent >= oldest) << "step " << step << " sender " << sender;
+      if (!found) continue;
       ++known;
       EXPECT_EQ(found->sent, entry.sent);
       EXPECT_EQ(found->index, entry.index);

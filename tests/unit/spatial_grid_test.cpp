@@ -42,6 +42,24 @@ void ExpectCompleteAndOnce(const SpatialGrid& grid, const Points& points, double
       EXPECT_EQ(visits.count(static_cast<AgentIndex>(i)), 1u) << "point " << i;
     }
   }
+  // SlotsWithin: exactly those within the radius.
+  const auto distance2 = [&](std::size_t i) {
+    return (points.x[i] - x) * (points.x[i] - x) + (points.y[i] - y) * (points.y[i] - y);
+  };
+  std::vector<std::uint32_t> slots;
+  std::vector<double> distances2;
+  const std::size_t found = grid.SlotsWithin(
+      x, y, radius, [&](std::uint32_t slot) { return distance2(grid.items()[slot]); }, &slots, &distances2);
+  std::vector<AgentIndex> within, expected;
+  for (std::size_t k = 0; k < found; ++k) {
+    within.push_back(grid.items()[slots[k]]);
+    EXPECT_EQ(distances2[k], distance2(within.back()));
+  }
+  for (std::size_t i = 0; i < points.x.size(); ++i) {
+    if (distance2(i) <= radius * radius) expected.push_back(static_cast<AgentIndex>(i));
+  }
+  std::sort(within.begin(), within.end());
+  EXPECT_EQ(within, expected);
 }
 
 TEST(SpatialGrid, FindsAllThatBruteForceFindsAndEachOnce) {
