@@ -34,7 +34,7 @@ struct BlsNet {
   void Expand(const SectorInputs& sectors, Nodes* feature, Nodes* enhancement) const noexcept {
     *feature = feature_biases.array();
     for (int i = 0; i < kNetInputs; ++i) {
-      *feature += feature_weights.col(i).array() * ((sectors[i] - scale.min) * scale.gain() - 1.0);
+      *feature += feature_weights.col(i).array() * ((sectors[i] - scale.min) * scale.gain - 1.0);
     }
     *enhancement = enhancement_biases.array();
     for (int j = 0; j < features(); ++j) {

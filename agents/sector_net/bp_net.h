@@ -45,7 +45,7 @@ struct BpNet {
 
   /// Eqs. (1)-(2): each unit's weighted sum through its activation, layer by layer.
   void Forward(const SectorInputs& sectors, Layers* layers) const noexcept {
-    layers->inputs = (Eigen::Map<const Inputs>(sectors.data()) - scale.min) * scale.gain() - 1.0;
+    layers->inputs = (Eigen::Map<const Inputs>(sectors.data()) - scale.min) * scale.gain - 1.0;
     const Hidden sum = hidden_weights().lazyProduct(layers->inputs.matrix()).array() + hidden_biases();
     layers->hidden = Tansig(sum);
     // Four wide, so that it fills vector registers.

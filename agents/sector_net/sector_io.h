@@ -40,9 +40,8 @@ inline Avoidance WayOf(const NetOutputs& outputs) {
 /// Inputs are scaled to [-1, 1] before they enter a network, as MATLAB's mapminmax does.
 struct InputScale {
   double min{0.0};
-  double max{1.0};  ///< > min.
-
-  double gain() const { return 2.0 / (max - min); }
+  double max{1.0};                 ///< > min.
+  double gain{2.0 / (max - min)};  ///< Follows from the other two: a division less in every inference.
 };
 
 }  // namespace lanewise
