@@ -228,10 +228,14 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   Replan(row, traffic);
   for (const auto& stop : SumoVehicle::getStops(id))
     coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
-  if (traffic->policy[row] == Policy::kSumo || traffic->plan[row] == nullptr) {
-    traffic->policy[row] = Policy::kSumo;
-    return;
+  if (traffic->plan[row] == nullptr) traffic->policy[row] = Policy::kSumo;
+  // Whom SUMO drives, if only at planned stops, it drives in every step. (A call gives the vehicle a type of
+  // its own.)
+  if (traffic->policy[row] == Policy::kSumo || !coupled.stops.empty()) {
+    const double dt = libsumo::Simulation::getDeltaT();
+    if (SumoVehicle::getActionStepLength(id) > dt) SumoVehicle::setActionStepLength(id, dt);
   }
+  if (traffic->policy[row] == Policy::kSumo) return;
   SumoVehicle::setLaneChangeMode(id, kNoLaneChanges);
   SumoVehicle::setSpeedMode(id, kAllChecks);
   coupled.checks_on = true;

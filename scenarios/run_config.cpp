@@ -5,6 +5,7 @@
 #include <toml++/toml.h>
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdlib>
 #include <pugixml.hpp>
 #include <set>
@@ -13,6 +14,9 @@ namespace lanewise {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// SUMO's option for how often [s] a vehicle works out its driving.
+constexpr const char* kActionStep = "default.action-step-length";
 
 /// SUMO's options under their long names, by the section that holds them in a .sumocfg, may also be written
 /// short.
@@ -293,6 +297,15 @@ std::vector<fs::path> InputFiles(const RunConfig& config) {
   return files;
 }
 
+bool IsPassive(const RunConfig& config) {
+  if (config.rules != Rules::kAgent || config.policy == Policy::kSumo || config.penetration < 1.0)
+    return false;
+  std::vector<std::string> given;
+  if (!config.config_file.empty()) given = ReadSumoConfig(config.config_file).options;
+  for (const GivenOption& option : GivenOptions(config.sumo_options)) given.push_back(option.name);
+  return !Has(given, kActionStep);
+}
+
 std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   std::vector<std::string> line;
   std::vector<std::string> given;
@@ -323,6 +336,12 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
       {"no-step-log", "true"},          {"no-warnings", "true"}};
   for (const auto& [option, value] : defaults) {
     if (!Has(given, option)) add(option, value);
+  }
+  if (IsPassive(config)) {
+    const double steps = std::max(1.0, std::round(1.0 / config.step_length));
+    add(kActionStep, fmt::format("{}", steps * config.step_length));
+    // SUMO would change to it because of the action step, and no more drive exactly what is commanded.
+    if (!Has(given, "step-method.ballistic")) add("step-method.ballistic", "false");
   }
   add("step-length", fmt::format("{}", config.step_length));
   add("seed", fmt::format("{}", config.seed));

@@ -84,6 +84,23 @@ TEST(OwnRules, WhoRunsARedLightIsInTheResults) {
   EXPECT_EQ(Query(*config.results, "SELECT COUNT(*) FROM rule_event"), 1.0);
 }
 
+TEST(OwnRules, SumoIsPassiveOnlyWhereAgentsDriveEverything) {
+  const RunConfig passive = ByAgents("priority_crossing", 10.0);
+  EXPECT_TRUE(IsPassive(passive));
+  RunConfig other = passive;
+  other.penetration = 0.9;
+  EXPECT_FALSE(IsPassive(other));
+  other = passive;
+  other.policy = Policy::kSumo;
+  EXPECT_FALSE(IsPassive(other));
+  other = passive;
+  other.rules = Rules::kSumo;
+  EXPECT_FALSE(IsPassive(other));
+  other = passive;
+  other.sumo_options = {"--default.action-step-length", "0.1"};
+  EXPECT_FALSE(IsPassive(other));
+}
+
 // Half of the vehicles are SUMO's: each kind gives the other its right of way.
 TEST(OwnRules, AgentsAndNativeVehiclesRespectEachOther) {
   const TemporaryFolder folder;
