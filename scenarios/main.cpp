@@ -25,6 +25,7 @@
 #include "scenarios/platoon_bench.h"
 #include "scenarios/report.h"
 #include "scenarios/run.h"
+#include "scenarios/slots_bench.h"
 #include "scenarios/ssm_bench.h"
 #include "scenarios/study.h"
 #include "scenarios/train.h"
@@ -68,9 +69,11 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
                   "share of vehicles, 0 to 1, that get the policy; SUMO drives the others. Drawn by vehicle "
                   "id and seed: a higher rate contains the vehicles of a lower one")
       ->capture_default_str();
-  app->add_option("--rules", o->rules,
-                  "who answers for signals and right of way: sumo (its checks guard the junctions), or agent "
-                  "(the agents themselves)")
+  app->add_option(
+         "--rules", o->rules,
+         "who answers for signals and right of way: sumo (its checks guard the junctions), or agent "
+         "(the agents themselves;\nwith a penetration of 1 SUMO is passive then: it works out its own "
+         "driving once a second only)")
       ->capture_default_str();
   app->add_option(
          "--v2x", o->v2x,
@@ -230,10 +233,11 @@ int Report(const RunConfig& config, const RunReport& report) {
       audit.different, audit.steps, report.lane_end_halts, report.detours, 1e-3 * report.detour_length);
   if (config.v2x != V2xLevel::kOff) PrintV2x(config, report.v2x);
   const auto events = [&](RuleEventKind kind) { return report.rule_events[static_cast<std::size_t>(kind)]; };
-  fmt::print("rules ({}): {} red lights run, {} blocked a junction, {} stood for 300 s, {} forced entries\n",
-             kRulesNames[static_cast<std::size_t>(config.rules)], events(RuleEventKind::kRedLight),
-             events(RuleEventKind::kJunctionBlocked), events(RuleEventKind::kStandstill),
-             events(RuleEventKind::kForcedEntry));
+  fmt::print(
+      "rules ({}{}): {} red lights run, {} blocked a junction, {} stood for 300 s, {} forced entries\n",
+      kRulesNames[static_cast<std::size_t>(config.rules)], IsPassive(config) ? ", SUMO passive" : "",
+      events(RuleEventKind::kRedLight), events(RuleEventKind::kJunctionBlocked),
+      events(RuleEventKind::kStandstill), events(RuleEventKind::kForcedEntry));
   fmt::print("state hash {:016x}\n", o.state_hash);
   if (config.samples_file) fmt::print("{} samples in {}\n", report.samples, config.samples_file->string());
   if (config.results) fmt::print("run {} in {}\n", report.run_id, config.results->string());
@@ -364,6 +368,7 @@ int Main(int argc, char** argv) {
 
   std::function<int()> chosen;  // What the subcommands below do.
   AddPlatoonCommand(bench, &chosen);
+  AddSlotsCommand(bench, &chosen);
   AddCompareCommand(&app, &chosen);
   AddExportCommand(&app, &chosen);
   AddReportCommand(&app, &chosen);

@@ -150,6 +150,7 @@ TEST_F(BadInput, ImpossibleRadio) {
   ExpectRefused({"run", "--scenario", "arena", "--v2x", "perfect"},
                 {"--v2x", "'perfect'", "off, ideal, range, lossy, loaded"});
   ExpectRefused({"bench", "platoon", "--frequencies", "0.3"}, {"--frequencies", "0.3 Hz", "whole number"});
+  ExpectRefused({"bench", "slots", "--demand", "5"}, {"--demand", "5 veh/h", "60 to 3600"});
 }
 
 TEST_F(BadInput, SetWithoutEqualsOrNumber) {
