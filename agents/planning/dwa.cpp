@@ -197,22 +197,6 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   }
 }
 
-/// [m] lateral target of the course that may be driven fastest, if there is more room on it than on the
-/// present one; of equal ones that which turns least.
-double RoomiestCourse(const PlanContext& c, const CourseSet& courses) {
-  const auto turn = [&](int j) { return std::abs(courses.target[j] - c.d); };
-  int present = 0;
-  for (int j = 1; j < courses.count; ++j) {
-    if (turn(j) < turn(present)) present = j;
-  }
-  int best = present;
-  for (int j = 0; j < courses.count; ++j) {
-    const float room = courses.safe_speed[j], most = courses.safe_speed[best];
-    if (room > most || (room == most && turn(j) < turn(best))) best = j;
-  }
-  return best == present ? c.d : courses.target[best];
-}
-
 }  // namespace
 
 DynamicWindow ReachableSpeeds(double speed, double max_decel, double max_accel, double period) {
@@ -421,11 +405,8 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
       }
     }
   }
-  if (plan.status == PlanStatus::kOk) return plan;
-  // Squeezed from the side, braking is of use only where it gives more room. Ahead, braking on another course
-  // may need less of it.
-  squeezed.target_d = RoomiestCourse(c, courses);
-  return squeezed;
+  // Squeezed from the side, braking is of use only where it gives more room.
+  return plan.status == PlanStatus::kOk ? plan : squeezed;
 }
 
 Plan PlanIdm(const AgentParams& params, const PlanContext& c, PlanScratch* scratch) noexcept {

@@ -81,7 +81,7 @@ struct Plan {
   double accel{0.0};     ///< [m/s^2] for the next period.
   double target_d{0.0};  ///< [m] lateral position to steer to.
   PlanStatus status{
-      PlanStatus::kOk};  ///< kNoFeasibleCommand: brake as hard as the vehicle can, where there is most room.
+      PlanStatus::kOk};  ///< kNoFeasibleCommand: brake as hard as the vehicle can, hold the course.
 };
 
 /// Simulates `count` courses: course 0 aims at context.target_d, the rest spread over the corridor.
