@@ -608,14 +608,9 @@ RuleAnswer JunctionRules::Decide(const World& world, AgentIndex ego, const WayAh
     break;
   }
   answer.state.forced = static_cast<std::uint8_t>(std::max(0, forced));
-  if (answer.state.reason == RuleReason::kGo && speed < kStanding) {
-    // Also who only reaches over from the lane beside, half-way in a change to it.
-    const double near = vehicle.min_gap + 3.0;
-    const Leader held_by = leader.row != kNone && leader.gap < near
-                               ? leader
-                               : FindLeaderOnLane(world, ego, now.lane[ego], now.s[ego], near);
-    if (held_by.row != kNone && held_by.speed < kStanding && held_by.gap < near)
-      answer.state.waits_for = traffic.number[held_by.row];
+  if (answer.state.reason == RuleReason::kGo && speed < kStanding && leader.row != kNone &&
+      leader.speed < kStanding && leader.gap < vehicle.min_gap + 3.0) {
+    answer.state.waits_for = traffic.number[leader.row];
   }
   return answer;
 }

@@ -221,6 +221,7 @@ TEST(JunctionRules, WhoReachesOverFromTheLaneBesideIsWaitedFor) {
   const std::size_t ego = fleet.Add({"e0"}, 1, 50.0, 0.0), other = fleet.Add({"e0"}, 0, 56.0, 0.0);
   fleet.traffic.driven[other] = 0;
   fleet.traffic.now.d[other] = 1.6;
+  fleet.traffic.now.y[other] += 1.6;
   fleet.Step(kStep);
   EXPECT_EQ(fleet.traffic.now.rule[ego].waits_for, fleet.traffic.number[other]);
 }
