@@ -32,9 +32,6 @@ constexpr double kPeakOverMean = 1.4;
 constexpr double kSwing = 1.2;
 constexpr float kPersonNear = 3.0f;
 
-/// [m] ahead, and beside its body, within which what stands holds a standing vehicle.
-constexpr float kHeldWithin = 6.0f, kHeldBeside = 0.3f;
-
 /// A turning body sweeps more than its lane. Past a person beside it a driver swings wide.
 void SwingForPersons(const Traffic& traffic, const RoadView& view, PlanContext* context) {
   for (int m = 0; m < view.obstacle_count; ++m) {
@@ -46,25 +43,6 @@ void SwingForPersons(const Traffic& traffic, const RoadView& view, PlanContext* 
       context->corridor_min = std::min(context->corridor_min, -kSwing);
     }
   }
-}
-
-/// The nearest vehicle that stands within reach of the ego's body, straight ahead of where it is: half-way in
-/// a lane change, or with its tail in a junction that the ego leaves by another way. kNone: none.
-AgentIndex StandsBefore(const Traffic& traffic, const RoadView& view, AgentIndex ego) {
-  const VehicleParams& vehicle = traffic.params[ego];
-  const auto d = static_cast<float>(traffic.now.d[ego]), half = static_cast<float>(0.5 * vehicle.width);
-  float nearest = kHeldWithin;
-  AgentIndex row = kNone;
-  for (int m = 0; m < view.obstacle_count; ++m) {
-    const Obstacle& o = view.obstacles[m];
-    const float gap = o.s - o.half_length;
-    if (o.row >= static_cast<AgentIndex>(traffic.vehicle_count) || o.s < 0.0f || gap >= nearest ||
-        std::abs(o.d - d) > o.half_width + half + kHeldBeside || traffic.now.speed[o.row] > kStandingSpeed)
-      continue;
-    nearest = gap;
-    row = o.row;
-  }
-  return row;
 }
 
 /// Speed [m/s] the ego wants without other traffic: limits, bends and speed limits ahead.
@@ -342,11 +320,6 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.refused[i] = tactics.refused ? now.refused[i] + static_cast<float>(dt)
                                     : (speed < kWalkingSpeed ? now.refused[i] : 0.0f);
   next.yielded_to[i] = tactics.yielded_to;
-  if (rules_ && !queued && speed < kStandingSpeed && rule.state.reason == RuleReason::kGo &&
-      rule.state.waits_for == kNone) {
-    const AgentIndex held_by = StandsBefore(*traffic, scratch->view, i);
-    if (held_by != kNone) rule.state.waits_for = traffic->number[held_by];
-  }
   next.rule[i] = rule.state;
 
   commands->lane_speed[i] = lane_distance / dt;

@@ -37,9 +37,6 @@ constexpr double kExitForesight = 1.5, kQueueSpeed = 5.0;
 /// [s] of standing after which a circle of vehicles that wait for each other is broken: first rights of way,
 /// then room behind the junction no longer count.
 constexpr float kYieldPatience = 1.5f, kRoomPatience = 20.0f;
-/// [s] of standing after which who has the right of way draws up into a junction without a signal though
-/// there is no room behind it: rings of short roads fill up, and a circle need not be seen as one.
-constexpr float kBlockedPatience = 60.0f;
 /// Longest chain of waiting vehicles that is followed.
 constexpr int kLongestChain = 64;
 /// Of its acceleration a vehicle with a turn is taken to use, and of slots.margin what has to be left of it.
@@ -514,9 +511,7 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
     if (MustHalt(state) && (told.line_link != own.link || told.at_line <= 0.0f)) {
       return {RuleReason::kHalt, 0.0f, kNone, false};
     }
-    const bool held_for_good =
-        IsPriority(state) && link.signal == kNone && traffic.now.waited[ego] > kBlockedPatience;
-    if (link.keep_clear && link.area_count > 0 && forced < 2 && !held_for_good && own.stops_at == 0.0f) {
+    if (link.keep_clear && link.area_count > 0 && forced < 2 && own.stops_at == 0.0f) {
       bool blocked = false;
       const AgentIndex by = BlockerBehind(world, ego, own, way, &blocked);
       if (blocked) return {RuleReason::kRoom, 0.0f, by, false};

@@ -202,30 +202,6 @@ TEST(JunctionRules, KeepsTheJunctionClear) {
   }
 }
 
-TEST(JunctionRules, AfterAMinuteWhoHasTheRightOfWayDrawsUpIntoTheJunction) {
-  Crossing crossing(PriorityCrossing());
-  const std::size_t blocker = crossing.fleet.Add({"e_out"}, 0, 4.0, 0.0);
-  crossing.fleet.traffic.driven[blocker] = 0;
-  const std::size_t row = crossing.From("w", 5.0, 0.0);
-  for (int k = 0; k < 1200; ++k) {
-    crossing.fleet.Step(kStep);
-    ASSERT_FALSE(k < 500 && crossing.Entered(row));
-    ASSERT_LT(crossing.Overlap(), 0.0);
-  }
-  EXPECT_TRUE(crossing.InJunction(row));
-}
-
-TEST(JunctionRules, WhoReachesOverFromTheLaneBesideIsWaitedFor) {
-  const RoadNetwork network = ChainNet(1, 2, 100.0);
-  Fleet fleet(network, {}, Rules::kAgent);
-  const std::size_t ego = fleet.Add({"e0"}, 1, 50.0, 0.0), other = fleet.Add({"e0"}, 0, 56.0, 0.0);
-  fleet.traffic.driven[other] = 0;
-  fleet.traffic.now.d[other] = 1.6;
-  fleet.traffic.now.y[other] += 1.6;
-  fleet.Step(kStep);
-  EXPECT_EQ(fleet.traffic.now.rule[ego].waits_for, fleet.traffic.number[other]);
-}
-
 // 10 m/s, 0.3 s of response and 4 m/s^2: 3 + 12.5 m.
 TEST(JunctionRules, AtYellowStopsIfItCanComfortably) {
   for (const double distance : {15.4, 15.6}) {
