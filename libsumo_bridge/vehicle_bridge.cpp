@@ -97,12 +97,13 @@ bool IsEquipped(const Penetration& penetration, std::string_view vehicle_id) {
 
 VehicleBridge::VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves,
                              const AgentParams& params, Policy default_policy, Rules rules,
-                             Penetration penetration)
+                             Penetration penetration, double passive_step)
     : network_(network),
       curves_(curves),
       params_(params),
       default_policy_(default_policy),
       penetration_(penetration),
+      passive_step_(passive_step),
       rules_(rules),
       lane_guarded_(network.lanes.size()) {
   for (const Connection& connection : network.connections) {
@@ -229,12 +230,10 @@ void VehicleBridge::AddVehicle(const std::string& id, double time, Traffic* traf
   for (const auto& stop : SumoVehicle::getStops(id))
     coupled.stops.push_back({network_.FindLane(stop.lane), stop.endPos});
   if (traffic->plan[row] == nullptr) traffic->policy[row] = Policy::kSumo;
-  // Whom SUMO drives, if only at planned stops, it drives in every step. (A call gives the vehicle a type of
-  // its own.)
-  if (traffic->policy[row] == Policy::kSumo || !coupled.stops.empty()) {
-    const double dt = libsumo::Simulation::getDeltaT();
-    if (SumoVehicle::getActionStepLength(id) > dt) SumoVehicle::setActionStepLength(id, dt);
-  }
+  // The call gives the vehicle a type of its own; a type's own action step stays.
+  if (passive_step_ > 0.0 && (traffic->policy[row] == Policy::kSumo || !coupled.stops.empty()) &&
+      std::abs(SumoVehicle::getActionStepLength(id) - passive_step_) < 1e-3)
+    SumoVehicle::setActionStepLength(id, libsumo::Simulation::getDeltaT());
   if (traffic->policy[row] == Policy::kSumo) return;
   SumoVehicle::setLaneChangeMode(id, kNoLaneChanges);
   SumoVehicle::setSpeedMode(id, kAllChecks);

@@ -54,8 +54,10 @@ struct Departure {
 /// next commands. One thread only.
 class VehicleBridge {
  public:
+  /// @param passive_step [s] SUMO's default action step where it is passive: whom it drives none the less, if
+  /// only at planned stops, acts in every step. 0: it is not passive.
   VehicleBridge(const RoadNetwork& network, const std::vector<LaneCurve>& curves, const AgentParams& params,
-                Policy default_policy, Rules rules, Penetration penetration = {});
+                Policy default_policy, Rules rules, Penetration penetration = {}, double passive_step = 0.0);
 
   /// After a SUMO step: takes in new vehicles, drops those that left, reads the rest into traffic->now.
   void Read(double time, double dt, Traffic* traffic);
@@ -153,6 +155,7 @@ class VehicleBridge {
   AgentParams params_;
   Policy default_policy_;
   Penetration penetration_;
+  double passive_step_;  // [s]
   Rules rules_;
   std::vector<bool> lane_guarded_;  // By lane: a normal lane's way out, or an internal lane, has conflicts.
   std::int32_t next_number_{0};

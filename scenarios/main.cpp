@@ -235,9 +235,10 @@ int Report(const RunConfig& config, const RunReport& report) {
   const auto events = [&](RuleEventKind kind) { return report.rule_events[static_cast<std::size_t>(kind)]; };
   fmt::print(
       "rules ({}{}): {} red lights run, {} blocked a junction, {} stood for 300 s, {} forced entries\n",
-      kRulesNames[static_cast<std::size_t>(config.rules)], IsPassive(config) ? ", SUMO passive" : "",
-      events(RuleEventKind::kRedLight), events(RuleEventKind::kJunctionBlocked),
-      events(RuleEventKind::kStandstill), events(RuleEventKind::kForcedEntry));
+      kRulesNames[static_cast<std::size_t>(config.rules)],
+      PassiveActionStep(config) > 0.0 ? ", SUMO passive" : "", events(RuleEventKind::kRedLight),
+      events(RuleEventKind::kJunctionBlocked), events(RuleEventKind::kStandstill),
+      events(RuleEventKind::kForcedEntry));
   fmt::print("state hash {:016x}\n", o.state_hash);
   if (config.samples_file) fmt::print("{} samples in {}\n", report.samples, config.samples_file->string());
   if (config.results) fmt::print("run {} in {}\n", report.run_id, config.results->string());

@@ -132,7 +132,7 @@ RunReport Run(const RunConfig& config) {
   Traffic traffic;
   Commands commands;
   VehicleBridge bridge(network, curves, effective.params, effective.policy, effective.rules,
-                       {effective.penetration, effective.seed});
+                       {effective.penetration, effective.seed}, PassiveActionStep(effective));
   const double dt = session.step_length();
   const double begin = session.time();
   Recorder recorder(network,

@@ -297,13 +297,13 @@ std::vector<fs::path> InputFiles(const RunConfig& config) {
   return files;
 }
 
-bool IsPassive(const RunConfig& config) {
-  if (config.rules != Rules::kAgent || config.policy == Policy::kSumo || config.penetration < 1.0)
-    return false;
+double PassiveActionStep(const RunConfig& config) {
+  if (config.rules != Rules::kAgent || config.policy == Policy::kSumo || config.penetration < 1.0) return 0.0;
   std::vector<std::string> given;
   if (!config.config_file.empty()) given = ReadSumoConfig(config.config_file).options;
   for (const GivenOption& option : GivenOptions(config.sumo_options)) given.push_back(option.name);
-  return !Has(given, kActionStep);
+  if (Has(given, kActionStep)) return 0.0;
+  return std::max(1.0, std::round(1.0 / config.step_length)) * config.step_length;
 }
 
 std::vector<std::string> SumoCommandLine(const RunConfig& config) {
@@ -337,9 +337,8 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   for (const auto& [option, value] : defaults) {
     if (!Has(given, option)) add(option, value);
   }
-  if (IsPassive(config)) {
-    const double steps = std::max(1.0, std::round(1.0 / config.step_length));
-    add(kActionStep, fmt::format("{}", steps * config.step_length));
+  if (const double action_step = PassiveActionStep(config); action_step > 0.0) {
+    add(kActionStep, fmt::format("{}", action_step));
     // SUMO would change to it because of the action step, and no more drive exactly what is commanded.
     if (!Has(given, "step-method.ballistic")) add("step-method.ballistic", "false");
   }

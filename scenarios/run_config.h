@@ -70,9 +70,10 @@ void Resolve(RunConfig* config);
 /// Input files of a resolved configuration.
 std::vector<std::filesystem::path> InputFiles(const RunConfig& config);
 
-/// Does SUMO only carry out what it is told: where agents answer for everything, and the user says nothing
-/// else, it works out its own driving, which nobody follows, once a second only.
-bool IsPassive(const RunConfig& config);
+/// [s] SUMO's default action step if it only carries out what it is told: where agents answer for everything,
+/// and the user says nothing else, it works out its own driving, which nobody follows, once a second only.
+/// 0 if it is not passive.
+double PassiveActionStep(const RunConfig& config);
 
 /// SUMO's command line for a resolved configuration.
 std::vector<std::string> SumoCommandLine(const RunConfig& config);

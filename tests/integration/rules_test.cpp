@@ -86,19 +86,19 @@ TEST(OwnRules, WhoRunsARedLightIsInTheResults) {
 
 TEST(OwnRules, SumoIsPassiveOnlyWhereAgentsDriveEverything) {
   const RunConfig passive = ByAgents("priority_crossing", 10.0);
-  EXPECT_TRUE(IsPassive(passive));
+  EXPECT_DOUBLE_EQ(PassiveActionStep(passive), 1.0);
   RunConfig other = passive;
   other.penetration = 0.9;
-  EXPECT_FALSE(IsPassive(other));
+  EXPECT_EQ(PassiveActionStep(other), 0.0);
   other = passive;
   other.policy = Policy::kSumo;
-  EXPECT_FALSE(IsPassive(other));
+  EXPECT_EQ(PassiveActionStep(other), 0.0);
   other = passive;
   other.rules = Rules::kSumo;
-  EXPECT_FALSE(IsPassive(other));
+  EXPECT_EQ(PassiveActionStep(other), 0.0);
   other = passive;
   other.sumo_options = {"--default.action-step-length", "0.1"};
-  EXPECT_FALSE(IsPassive(other));
+  EXPECT_EQ(PassiveActionStep(other), 0.0);
 }
 
 // Half of the vehicles are SUMO's: each kind gives the other its right of way.
