@@ -337,11 +337,13 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   for (const auto& [option, value] : defaults) {
     if (!Has(given, option)) add(option, value);
   }
-  if (const double action_step = PassiveActionStep(config); action_step > 0.0) {
-    add(kActionStep, fmt::format("{}", action_step));
-    // SUMO would change to it because of the action step, and no more drive exactly what is commanded.
-    if (!Has(given, "step-method.ballistic")) add("step-method.ballistic", "false");
-  }
+  const double passive_step = PassiveActionStep(config);
+  if (passive_step > 0.0) add(kActionStep, fmt::format("{}", passive_step));
+  // Because of an action step SUMO would change to the ballistic method, and no more drive exactly what
+  // agents command.
+  const bool acts_rarely = passive_step > 0.0 || Has(given, kActionStep);
+  if (acts_rarely && config.policy != Policy::kSumo && !Has(given, "step-method.ballistic"))
+    add("step-method.ballistic", "false");
   add("step-length", fmt::format("{}", config.step_length));
   add("seed", fmt::format("{}", config.seed));
   if (config.end) add("end", fmt::format("{}", *config.end));

@@ -101,6 +101,17 @@ TEST(OwnRules, SumoIsPassiveOnlyWhereAgentsDriveEverything) {
   EXPECT_EQ(PassiveActionStep(other), 0.0);
 }
 
+TEST(OwnRules, AnActionStepOfTheUsersLeavesCommandsExact) {
+  for (const Rules rules : {Rules::kSumo, Rules::kAgent}) {
+    RunConfig config = ByAgents("roundabout", 60.0);
+    config.rules = rules;
+    config.sumo_options = {"--default.action-step-length", "0.5"};
+    const RunReport report = RunResolved(config);
+    EXPECT_GT(MidBlock(report).steps, 1000);
+    EXPECT_EQ(MidBlock(report).different, 0);
+  }
+}
+
 // Half of the vehicles are SUMO's: each kind gives the other its right of way.
 TEST(OwnRules, AgentsAndNativeVehiclesRespectEachOther) {
   const TemporaryFolder folder;
