@@ -14,7 +14,7 @@ TEST(BenchSlots, PrintsDelaysAndKeepsTheRuns) {
   ChildProcess child({"bench", "slots", "--demand", "1500", "--seeds", "1", "--results", results.string()});
   EXPECT_EQ(child.Wait(), 0) << child.Errors() << child.Output();
   EXPECT_NE(child.Output().find("    1500   all"), std::string::npos) << child.Output();
-  EXPECT_NE(child.Output().find("ok: at most 0.5 x"), std::string::npos) << child.Output();
+  EXPECT_NE(child.Output().find("ok: no contact, and at most 0.5 x"), std::string::npos) << child.Output();
   // By priority, each approach alone, and with slots: the same vehicles.
   const SQLite::Database database(results.string(), SQLite::OPEN_READONLY);
   std::vector<std::pair<std::string, int>> runs;

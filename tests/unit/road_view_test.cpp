@@ -1,8 +1,12 @@
 #include "agents/sensing/road_view.h"
 
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
+#include <string>
+#include <vector>
 
 #include "agents/vehicle/kinematic_bicycle.h"
 #include "tests/support/scene.h"
@@ -10,6 +14,31 @@
 
 namespace lanewise {
 namespace {
+
+/// A one-lane edge.
+struct PlainEdge {
+  std::string id, from, to;
+  double length;  ///< [m]
+  std::string shape;
+};
+
+/// Edges that end at bare junctions. @param connections as in a net file; where they lead on, the junction is
+/// one of priority.
+RoadNetwork PlainNet(const std::vector<PlainEdge>& edges, const std::string& connections = "") {
+  std::map<std::string, std::string> incoming;  // Lanes by junction.
+  std::string net = R"(<net version="1.9">)";
+  for (const PlainEdge& e : edges) {
+    net += fmt::format(
+        R"(<edge id="{0}" from="{1}" to="{2}"><lane id="{0}_0" index="0" speed="13.89" length="{3}" shape="{4}"/></edge>)",
+        e.id, e.from, e.to, e.length, e.shape);
+    incoming[e.from];
+    incoming[e.to] += e.id + "_0 ";
+  }
+  for (const auto& [junction, lanes] : incoming)
+    net += fmt::format(R"(<junction id="{}" type="{}" incLanes="{}" intLanes=""/>)", junction,
+                       connections.empty() ? "dead_end" : "priority", lanes);
+  return LoadNetText(net + connections + "</net>");
+}
 
 class ChainView : public testing::Test {
  protected:
@@ -215,20 +244,11 @@ TEST_F(ChainView, WhoHasWaitedLongCreepsByWhatStandsOnAnotherRoad) {
 // A car stands across our way at a yield line, its front past us: it waits for others and will go.
 TEST(CrossView, WhoYieldsToOthersIsNotCreptThroughForLong) {
   const auto forgiven = [](const std::string& state, float waited) {
-    const RoadNetwork network = LoadNetText(R"(<net version="1.9">
-      <edge id="a" from="A" to="B">
-        <lane id="a_0" index="0" speed="13.89" length="100" shape="0,0 100,0"/></edge>
-      <edge id="b" from="C" to="D">
-        <lane id="b_0" index="0" speed="13.89" length="55" shape="46,-50 46,5"/></edge>
-      <edge id="c" from="D" to="E">
-        <lane id="c_0" index="0" speed="13.89" length="50" shape="46,5 46,55"/></edge>
-      <junction id="A" type="dead_end" incLanes="" intLanes=""/>
-      <junction id="B" type="dead_end" incLanes="a_0" intLanes=""/>
-      <junction id="C" type="dead_end" incLanes="" intLanes=""/>
-      <junction id="D" type="priority" incLanes="b_0" intLanes=""/>
-      <junction id="E" type="dead_end" incLanes="c_0" intLanes=""/>
-      <connection from="b" to="c" fromLane="0" toLane="0" dir="s" state=")" +
-                                            state + R"("/></net>)");
+    const RoadNetwork network =
+        PlainNet({{"a", "A", "B", 100, "0,0 100,0"},
+                  {"b", "C", "D", 55, "46,-50 46,5"},
+                  {"c", "D", "E", 50, "46,5 46,55"}},
+                 R"(<connection from="b" to="c" fromLane="0" toLane="0" dir="s" state=")" + state + R"("/>)");
     Scene scene(network);
     scene.Add({"b", "c"}, 0, 52.0, 0.0);
     scene.Add({"a"}, 0, 40.0, 0.0);
@@ -246,14 +266,8 @@ TEST(CrossView, WhoYieldsToOthersIsNotCreptThroughForLong) {
 
 // Its tangent points across our path; its lane bends and passes us 3.2 m to the left.
 TEST(BendView, WhoComesTowardsUsFollowsItsLane) {
-  const RoadNetwork network = LoadNetText(R"(<net version="1.9">
-    <edge id="a" from="A" to="B">
-      <lane id="a_0" index="0" speed="13.89" length="100" shape="-50,0 50,0"/></edge>
-    <edge id="b" from="C" to="A">
-      <lane id="b_0" index="0" speed="13.89" length="115" shape="50,32 30,8 24,4 18,3.2 -50,3.2"/></edge>
-    <junction id="A" type="dead_end" incLanes="b_0" intLanes=""/>
-    <junction id="B" type="dead_end" incLanes="a_0" intLanes=""/>
-    <junction id="C" type="dead_end" incLanes="" intLanes=""/></net>)");
+  const RoadNetwork network =
+      PlainNet({{"a", "A", "B", 100, "-50,0 50,0"}, {"b", "C", "A", 115, "50,32 30,8 24,4 18,3.2 -50,3.2"}});
   Scene scene(network);
   scene.Add({"a"}, 0, 65.0, 5.0);
   scene.Add({"b"}, 0, 34.0, 9.0);
