@@ -16,8 +16,8 @@ constexpr double kManoeuvring = 6.0, kWalking = 2.0;
 constexpr double kStride = 0.2, kRoom = 0.02;
 /// [m] before what it would touch the ego stops: nearer it could not turn away any more.
 constexpr double kRoomToTurn = 1.0;
-/// [s] of waiting after which the ego goes on even if it may graze a vehicle beside it, which may be waiting
-/// for the ego.
+/// [s] of waiting after which the ego uses the last bit of room beside a vehicle, which may be waiting for
+/// the ego.
 constexpr float kPatience = 8.0f;
 /// [m] around the ego's body, on top of the braking distance, out of which nothing is touched.
 constexpr float kNear = 1.0f;
@@ -34,8 +34,9 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
   if (speed > kManoeuvring) return false;
   const Traffic& traffic = *world.traffic;
   const VehicleParams& vehicle = traffic.params[ego];
-  const double distance = speed * dt + speed * speed / (2.0 * vehicle.emergency_decel) + kRoomToTurn;
-  const float reach = static_cast<float>(distance) + kNear;
+  const double braking = speed * dt + speed * speed / (2.0 * vehicle.emergency_decel);
+  const bool patient = traffic.now.waited[ego] <= kPatience;
+  const float reach = static_cast<float>(braking + kRoomToTurn) + kNear;
   const float aside = static_cast<float>(0.5 * vehicle.width) + kNear;
   const float d = static_cast<float>(traffic.now.d[ego]);
   const double slip = SlipAngle(steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
@@ -47,12 +48,13 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
       continue;
     }
     const bool person = o.row >= static_cast<AgentIndex>(traffic.vehicle_count);
-    if (!person && traffic.now.waited[ego] > kPatience) continue;
+    const bool with_room = person || patient;
+    const double distance = braking + (with_room ? kRoomToTurn : 0.0);
     const double its_speed = traffic.now.speed[o.row], its_heading = traffic.now.heading[o.row];
     Footprint body = FootprintOf(traffic, ego), other = FootprintOf(traffic, o.row);
     const double depth_now = PenetrationDepth(body, other);
     if (depth_now > 0.0) continue;  // Braking does not part them.
-    const double room = depth_now > -kRoom ? 0.0 : kRoom;
+    const double room = !with_room || depth_now > -kRoom ? 0.0 : kRoom;
     const int strides = 1 + static_cast<int>(distance / kStride);
     const double stride = distance / strides, its_stride = its_speed * stride / std::max(speed, 0.1);
     for (int k = 0; k < strides; ++k) {

@@ -10,8 +10,8 @@ namespace lanewise {
 /// @param steering_angle [rad] and @param speed [m/s] that are about to be commanded.
 /// @return true if the ego, which now touches nothing, would within the next step, the braking distance
 /// behind it and a metre to turn away in touch something of the view that stands or walks: then it is time to
-/// brake as hard as it can. Not from 6 m/s on, and no vehicle once the ego has waited: it may be the ego that
-/// is waited for.
+/// brake as hard as it can. Without the metre before vehicles once the ego has waited: it may be the ego that
+/// is waited for. Not from 6 m/s on.
 bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const RoadView& view,
                   double steering_angle, double speed, double dt);
 

@@ -60,5 +60,13 @@ TEST_F(BrakeGuard, WhoWalksAwayIsNotTouched) {
   EXPECT_TRUE(MustBrake(0.3, -0.3));
 }
 
+// The metre to turn away in is given up, the touch is not.
+TEST_F(BrakeGuard, WhoHasWaitedUsesTheLastBitOfRoom) {
+  EXPECT_TRUE(MustBrake(1.5, -0.3));
+  scene_.traffic().now.waited[0] = 10.0f;
+  EXPECT_FALSE(MustBrake(1.5, -0.3));
+  EXPECT_TRUE(MustBrake(0.5, -0.3));
+}
+
 }  // namespace
 }  // namespace lanewise
