@@ -22,6 +22,8 @@ constexpr double kQueueSpeed = 0.7;
 constexpr double kLetInZone = 150.0;
 /// [m] of use left in its lane with which a vehicle changes even just before a junction, or in it.
 constexpr double kLastRoom = 50.0;
+/// [s] for which one stands to let in another who stands.
+constexpr float kCourtesy = 10.0f;
 /// [m] ahead of which nobody is let in yet.
 constexpr double kLetInReach = 50.0;
 /// [m] to a standing leader from which the ego can steer around its corner.
@@ -30,6 +32,8 @@ constexpr double kTurnOutRoom = 5.0;
 constexpr double kSwapReserve = 1.0;
 /// [m] of its body a vehicle may have on the neighbour lane and still begin another change.
 constexpr double kBodyOver = 0.5;
+/// [m] before the junction from which there is no room left to leave a lane that is held up.
+constexpr double kRoomToLeave = 12.0;
 /// [m] by which positions on neighbour lanes may differ and still count as the same.
 constexpr double kEven = 0.05;
 /// [m] of length from which a vehicle does not keep to its lane in turns, and [rad] of those turns.
@@ -53,6 +57,7 @@ struct NeededChange {
   int side{0};
   int count{0};
   double remaining{1e9};  ///< [m] until the lane is of no more use.
+  bool asks{true};        ///< Others are asked to make room.
 };
 
 /// Everything the decision needs about the ego, gathered once.
@@ -164,24 +169,43 @@ double Advantage(const Ego& ego, const Leader& leader, const Leader& ahead, cons
          ego.params.lane_change.politeness * follower_loss;
 }
 
-/// Does the vehicle's way part from the ego's within `kJunctions` junctions behind the ego's route position?
-bool WaysPart(const Ego& ego, std::size_t position, AgentIndex other) {
-  constexpr std::size_t kJunctions = 3;
-  const Traffic& traffic = *ego.world.traffic;
-  if (traffic.plan[other] == nullptr) return false;
-  const auto mine = ego.plan.route(), its = traffic.plan[other]->route();
-  const auto at = static_cast<std::size_t>(traffic.route_position[other]);
-  for (std::size_t n = 1; n <= kJunctions && position + n < mine.size() && at + n < its.size(); ++n)
-    if (its[at + n] != mine[position + n]) return true;
-  return false;
+/// Does this turn cross the way of oncoming traffic, for which it may have to wait?
+bool Crosses(const Ego& ego, const Connection& connection) {
+  return connection.direction == (ego.world.network->left_hand ? 'r' : 'l');
 }
 
-/// [s] until the slow vehicles ahead on the way that begins with a lane of the ego's edge have gone. Who
-/// takes another way than the ego, which its turn signal tells, may have to wait when the ego could go.
+/// Who turns across oncoming traffic from `lane`, ahead of `s` on it or already in the junction behind it, and
+/// does not drive on with the ego to edge `next`. kNone: nobody who stands or is slow.
+AgentIndex FindTurner(const Ego& ego, LaneIndex lane, double s, EdgeIndex next) {
+  const RoadNetwork& network = *ego.world.network;
+  const Traffic& traffic = *ego.world.traffic;
+  const double slow = kQueueSpeed * ego.speed_limit;
+  for (const std::int32_t index : network.lanes[lane].outgoing) {
+    const Connection& connection = network.connections[index];
+    if (!Crosses(ego, connection) || network.lanes[connection.to].edge == next) continue;
+    if (connection.via != kNone) {
+      for (const Occupant& other : ego.world.occupancy->On(connection.via))
+        if (traffic.now.speed[other.row] < slow) return other.row;
+    }
+    for (const Occupant& other : ego.world.occupancy->On(lane)) {
+      if (other.s <= s || traffic.now.lane[other.row] != lane || traffic.now.speed[other.row] > slow ||
+          traffic.plan[other.row] == nullptr) {
+        continue;
+      }
+      const auto position = static_cast<std::size_t>(traffic.route_position[other.row]);
+      if (traffic.plan[other.row]->At(position, network.lanes[lane].index).connection == index)
+        return other.row;
+    }
+  }
+  return kNone;
+}
+
+/// [s] until the slow vehicles ahead on the way that begins with a lane of the ego's edge have gone.
 double QueueTime(const Ego& ego, LaneIndex lane, double s) {
-  constexpr double kSight = 300.0, kHeadway = 2.0, kBlocked = 15.0;  // [m], [s], [s].
+  constexpr double kSight = 300.0, kHeadway = 2.0, kBlocked = 30.0;  // [m], [s], [s].
   const Traffic& traffic = *ego.world.traffic;
   const WayAhead ahead = LookAheadFrom(ego.world, ego.row, lane, s, kSight);
+  const auto route = ego.plan.route();
   std::size_t position = ego.position;
   int queue = 0;
   bool blocked = false;
@@ -189,14 +213,15 @@ double QueueTime(const Ego& ego, LaneIndex lane, double s) {
     const LaneIndex here = ahead.lanes[k].lane;
     if (ego.world.network->lanes[here].internal) continue;
     if (k > 0) ++position;
+    const double from = k == 0 ? s : 0.0;
     for (const Occupant& other : ego.world.occupancy->On(here)) {
-      if (other.row == ego.row || (k == 0 && other.s <= s) || traffic.now.lane[other.row] != here ||
-          traffic.now.speed[other.row] > kQueueSpeed * ego.speed_limit) {
-        continue;
+      if (other.row != ego.row && other.s > from && traffic.now.lane[other.row] == here &&
+          traffic.now.speed[other.row] <= kQueueSpeed * ego.speed_limit) {
+        ++queue;
       }
-      ++queue;
-      blocked = blocked || WaysPart(ego, position, other.row);
     }
+    blocked = blocked || (position + 1 < route.size() &&
+                          FindTurner(ego, here, from, route[position + 1]) != kNone);
   }
   return kHeadway * queue + (blocked ? kBlocked : 0.0);
 }
@@ -274,6 +299,14 @@ bool Asks(const Ego& ego, const Occupant& other, LaneIndex its_lane, int side) {
          ego.world.network->lanes[its_lane].length - other.s <= kLetInZone;
 }
 
+/// Is the ego's waiting of use to it? Not if it stands too near behind another to turn out, nor once the ego
+/// could have gone for long and it still stands.
+bool WouldCome(const Ego& ego, const Leader& leader, const Occupant& other, LaneIndex its_lane) {
+  if (ego.world.traffic->now.speed[other.row] > kCrawlSpeed) return true;
+  if (ego.now().waited[ego.row] > kCourtesy && leader.gap > ego.vehicle.min_gap + 1.0) return false;
+  return CanTurnOut(FindLeaderOnLane(ego.world, other.row, its_lane, other.s, kLetInReach));
+}
+
 /// Makes room for the nearest vehicle ahead on a lane beside the ego's way that must come over: one an edge,
 /// so that lanes merge like a zipper, and whoever stands at its lane's end, where it blocks all behind it.
 void LetIn(const Ego& ego, const WayAhead& way, const Leader& leader, Tactics* tactics) {
@@ -289,7 +322,7 @@ void LetIn(const Ego& ego, const WayAhead& way, const Leader& leader, Tactics* t
                                                         (*ego.world.curves)[way.lanes[k].lane]);
         if (front <= 0.0 || other.row == ego.row) continue;
         if (front > kLetInReach) break;
-        if (!Asks(ego, other, neighbor, side)) continue;
+        if (!Asks(ego, other, neighbor, side) || !WouldCome(ego, leader, other, neighbor)) continue;
         // Whom SUMO drives asks for the follower's whole standstill gap.
         const double gap = front - traffic.params[other.row].length -
                            (traffic.driven[other.row] ? 0.0 : ego.vehicle.min_gap);
@@ -360,6 +393,26 @@ void ComeOver(const Ego& ego, Tactics* tactics) {
   tactics->blinker = ego.d < 0.0 ? 1 : -1;
 }
 
+/// The change to the lane beside that gets past who waits to turn across oncoming traffic, if the ego's own
+/// lane is held up by one. It waits for a gap there, and asks nobody to stop for it.
+NeededChange LeaveTurner(const Ego& ego, const Leader& leader) {
+  const auto route = ego.plan.route();
+  if (leader.row == kNone || leader.gap > kHazardLookahead || ego.position + 1 >= route.size() ||
+      ego.lane.length - ego.s < kRoomToLeave) {
+    return {};
+  }
+  const EdgeIndex next = route[ego.position + 1];
+  const LaneIndex own = ego.now().lane[ego.row];
+  if (FindTurner(ego, own, ego.s, next) == kNone) return {};
+  for (const int side : {-1, +1}) {
+    const LaneIndex neighbor = UsableNeighbor(ego, side);
+    if (neighbor == kNone || ego.Advice(side).changes != 0) continue;
+    if (FindTurner(ego, neighbor, PositionOn(ego, neighbor), next) != kNone) continue;
+    return {side, 1, leader.gap, false};
+  }
+  return {};
+}
+
 /// Comes over after a change, or begins one. A vehicle belongs to its new lane from the moment it has
 /// accepted the gap: whoever follows there keeps it open while the body comes over.
 void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& leader, Tactics* tactics) {
@@ -382,13 +435,16 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     const LaneIndex neighbor = UsableNeighbor(ego, needed.side);
     const double urgency = std::clamp(1.0 - needed.remaining / lookahead, 0.0, 1.0);
     tactics->blinker = static_cast<std::int8_t>(needed.side);
-    tactics->urgent = true;
+    tactics->urgent = needed.asks;
     Neighborhood beside;
     if (neighbor != kNone) beside = LookBeside(ego, neighbor);
-    PrepareChange(ego, needed, beside, urgency, tactics);
-    tactics->speed_cap =
-        std::min(tactics->speed_cap, FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap),
-                                                 leader.speed, ego.params.driving.comfort_decel));
+    if (needed.asks) PrepareChange(ego, needed, beside, urgency, tactics);
+    // Its tail must not stay in the junction behind it.
+    if (ego.s > ego.vehicle.length) {
+      tactics->speed_cap = std::min(
+          tactics->speed_cap, FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap),
+                                          leader.speed, ego.params.driving.comfort_decel));
+    }
     if (neighbor != kNone && !too_late && CanTurnOut(leader) &&
         GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
       Join(ego, neighbor, needed.side, tactics);
@@ -462,6 +518,7 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
         break;
       }
     }
+    if (needed.side == 0) needed = LeaveTurner(ego, leader);
     DecideChange(ego, needed, leader, &tactics);
   } else if (lane.internal) {
     tactics.blinker = traffic.now.blinker[row];

@@ -159,6 +159,28 @@ TEST_F(TacticsTest, WhoBlocksItsLanesEndIsAlwaysLetIn) {
   EXPECT_LT(tactics.speed_cap, 10.0);
 }
 
+// It could not come: it stands 2 m behind another.
+TEST_F(TacticsTest, WhoCannotTurnOutIsNotWaitedFor) {
+  AddOneThatAsks(0.0);
+  const std::size_t before_it = scene_.Add({"a", "c"}, 0, 387.0, 0.0);
+  EXPECT_EQ(scene_.Decide(0).yielded_to, kNone);
+  scene_.traffic().now.s[before_it] = 396.0;
+  EXPECT_EQ(scene_.Decide(0).yielded_to, scene_.traffic().number[1]);
+}
+
+// Whoever has stood for ten seconds before the gap it leaves, and nobody has come, drives on.
+TEST_F(TacticsTest, CourtesyEnds) {
+  AddOneThatAsks(0.0);
+  scene_.traffic().now.s[0] = 373.0;
+  scene_.traffic().now.speed[0] = 0.0;
+  scene_.traffic().now.waited[0] = 9.0f;
+  EXPECT_EQ(scene_.Decide(0).yielded_to, scene_.traffic().number[1]);
+  scene_.traffic().now.waited[0] = 11.0f;
+  EXPECT_EQ(scene_.Decide(0).yielded_to, kNone);
+  scene_.traffic().now.speed[1] = 2.0;
+  EXPECT_EQ(scene_.Decide(0).yielded_to, scene_.traffic().number[1]);
+}
+
 // A queue passes one that stands at its lane's end. Who follows so closely that it cannot stop drives on; the
 // first that can stop comfortably waits, though another is between.
 TEST_F(TacticsTest, AMovingQueueLetsInWhoBlocksItsLanesEnd) {
@@ -289,6 +311,43 @@ TEST(TacticsChain, ShunsALongQueue) {
   AgentParams params;
   params.lane_change.queue_weight = 0.0;
   EXPECT_EQ(scene.Decide(0, params).lane_change, 0);
+}
+
+/// ForkNet whose left lane leads straight on to "c", too: who turns left to "b" there holds up others.
+class TurnerTest : public testing::Test {
+ protected:
+  static RoadNetwork SharedLane() {
+    RoadNetwork network = ForkNet();
+    const LaneIndex from = network.FindLane("a_1");
+    network.lanes[from].outgoing.push_back(static_cast<std::int32_t>(network.connections.size()));
+    network.connections.push_back({.from = from, .to = network.FindLane("c_0")});
+    return network;
+  }
+  RoadNetwork network_ = SharedLane();
+  Scene scene_{network_};
+};
+
+// Standing behind one that waits to turn left, it takes the gap on the lane beside that leads on, without
+// asking for it; behind one that goes straight on it waits.
+TEST_F(TurnerTest, LeavesTheLaneBehindOne) {
+  for (const char* to : {"b", "c"}) {
+    Scene scene(network_);
+    scene.Add({"a", "c"}, 1, 375.0, 0.0);
+    scene.Add({"a", to}, 1, 390.0, 0.0);
+    const Tactics tactics = scene.Decide(0);
+    EXPECT_EQ(tactics.lane_change, *to == 'b' ? -1 : 0);
+    EXPECT_FALSE(tactics.urgent);
+    scene.Add({"a", "c"}, 0, 375.0, 5.0);
+    EXPECT_EQ(scene.Decide(0).lane_change, 0);
+  }
+}
+
+// One far ahead is reason enough not to queue up behind it.
+TEST_F(TurnerTest, ShunsTheLaneOfOne) {
+  scene_.Add({"a", "c"}, 1, 150.0, 12.0);
+  EXPECT_EQ(scene_.Decide(0).lane_change, 0);
+  scene_.Add({"a", "b"}, 1, 390.0, 0.0);
+  EXPECT_EQ(scene_.Decide(0).lane_change, -1);
 }
 
 // A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
