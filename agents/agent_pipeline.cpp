@@ -32,6 +32,9 @@ constexpr double kPeakOverMean = 1.4;
 constexpr double kSwing = 1.2;
 constexpr float kPersonNear = 3.0f;
 
+/// [m] ahead within which what stands in its course holds a standing vehicle.
+constexpr float kHeldWithin = 10.0f;
+
 /// A turning body sweeps more than its lane. Past a person beside it a driver swings wide.
 void SwingForPersons(const Traffic& traffic, const RoadView& view, PlanContext* context) {
   for (int m = 0; m < view.obstacle_count; ++m) {
@@ -320,6 +323,13 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.refused[i] = tactics.refused ? now.refused[i] + static_cast<float>(dt)
                                     : (speed < kWalkingSpeed ? now.refused[i] : 0.0f);
   next.yielded_to[i] = tactics.yielded_to;
+  // Who waits for whom, also where it is the body of one on another way that is in the course.
+  const AgentIndex holder = scratch->courses.leader_row;
+  if (rules_ && !queued && !avoided.steers && speed < kStandingSpeed && rule.state.waits_for == kNone &&
+      holder != kNone && holder < static_cast<AgentIndex>(traffic->vehicle_count) &&
+      scratch->courses.leader_gap < kHeldWithin && now.speed[holder] < kStandingSpeed) {
+    rule.state.waits_for = traffic->number[holder];
+  }
   next.rule[i] = rule.state;
 
   commands->lane_speed[i] = lane_distance / dt;

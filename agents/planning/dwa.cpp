@@ -197,6 +197,22 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   }
 }
 
+/// [m] lateral target of the course that may be driven fastest, if there is more room on it than on the
+/// present one; of equal ones that which turns least.
+double RoomiestCourse(const PlanContext& c, const CourseSet& courses) {
+  const auto turn = [&](int j) { return std::abs(courses.target[j] - c.d); };
+  int present = 0;
+  for (int j = 1; j < courses.count; ++j) {
+    if (turn(j) < turn(present)) present = j;
+  }
+  int best = present;
+  for (int j = 0; j < courses.count; ++j) {
+    const float room = courses.safe_speed[j], most = courses.safe_speed[best];
+    if (room > most || (room == most && turn(j) < turn(best))) best = j;
+  }
+  return best == present ? c.d : courses.target[best];
+}
+
 }  // namespace
 
 DynamicWindow ReachableSpeeds(double speed, double max_decel, double max_accel, double period) {
@@ -299,6 +315,7 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
   std::fill_n(courses->clearance.begin(), padded, 1e3f);
   courses->leader_gap = static_cast<float>(c.leader_gap);
   courses->leader_speed = static_cast<float>(c.leader_speed);
+  courses->leader_row = c.leader_row;
 
   const float margin = Margin(params.dwa, c);
   const float half_width = static_cast<float>(0.5 * vehicle.width);
@@ -353,6 +370,7 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     }
     if (lateral_gap_of(0) < least_gap && gap < courses->leader_gap) {
       courses->leader_gap = gap;
+      courses->leader_row = o.row;
       courses->leader_speed = std::max(0.0f, o.speed_s);
     }
   }
@@ -405,8 +423,11 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
       }
     }
   }
-  // Squeezed from the side, braking is of use only where it gives more room.
-  return plan.status == PlanStatus::kOk ? plan : squeezed;
+  if (plan.status == PlanStatus::kOk) return plan;
+  // Squeezed from the side, braking is of use only where it gives more room. Ahead, braking on another course
+  // may need less of it.
+  squeezed.target_d = RoomiestCourse(c, courses);
+  return squeezed;
 }
 
 Plan PlanIdm(const AgentParams& params, const PlanContext& c, PlanScratch* scratch) noexcept {

@@ -64,7 +64,8 @@ struct CourseSet {
   alignas(64)
       std::array<float, kMaxCourses> clearance;  ///< [m] to what is passed; < 0 where overlap is forgiven.
   float leader_gap{0.0f},
-      leader_speed{0.0f};  ///< Of course 0: the nearest obstacle in it (infinite gap if none).
+      leader_speed{0.0f};         ///< Of course 0: the nearest obstacle in it (infinite gap if none).
+  AgentIndex leader_row{kNone};  ///< It.
 };
 
 /// Per-thread working memory of a planner: about 45 KiB, reused.
@@ -81,7 +82,7 @@ struct Plan {
   double accel{0.0};     ///< [m/s^2] for the next period.
   double target_d{0.0};  ///< [m] lateral position to steer to.
   PlanStatus status{
-      PlanStatus::kOk};  ///< kNoFeasibleCommand: brake as hard as the vehicle can, hold the course.
+      PlanStatus::kOk};  ///< kNoFeasibleCommand: brake as hard as the vehicle can, where there is most room.
 };
 
 /// Simulates `count` courses: course 0 aims at context.target_d, the rest spread over the corridor.

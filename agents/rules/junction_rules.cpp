@@ -400,7 +400,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
     *hard = true;
     return true;
   }
-  if (its_bound && !own_bound) return its_speed > kStanding || other.going;
+  if (its_bound && !own_bound) return its_speed > kStanding || (other.going && forced == 0);
   if (own_bound) {  // Both are.
     if (!CanStop(begin - p, speed, traffic.params[own.row].max_decel, 0.1)) return false;
     if (area.yields != area.foe_yields && !IsPriority(state)) return area.yields;

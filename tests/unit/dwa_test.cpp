@@ -130,6 +130,20 @@ TEST_F(DwaTest, NothingFeasibleBrakesFullyAndHoldsTheCourse) {
   EXPECT_EQ(plan.target_d, context_.d);
 }
 
+// Too late to stop behind what reaches into the right half of the way: at least not towards it.
+TEST_F(DwaTest, NothingFeasibleBrakesWhereThereIsMostRoom) {
+  context_.corridor_min = -1.5;
+  context_.corridor_max = 1.5;
+  for (const double side : {-1.0, 1.0}) {
+    scratch_->view = PathView(ViewHorizon(10.0));
+    AddObstacle(7.0, side * 1.5, 0.0, 0.9);
+    AddObstacle(12.0, 0.0, 0.0, 2.5);
+    const Plan plan = MakePlan();
+    EXPECT_EQ(plan.status, PlanStatus::kNoFeasibleCommand);
+    EXPECT_LT(side * plan.target_d, -1.0);
+  }
+}
+
 // Cars at our speed on both sides come nearer whatever we do: braking would only lose the place. The speed
 // goes on, the course is held.
 TEST_F(DwaTest, SqueezedFromBothSidesItDoesNotBrakeInVain) {

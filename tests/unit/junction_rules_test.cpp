@@ -189,6 +189,37 @@ TEST(JunctionRules, ACircleOfFourWhoWaitForEachOtherResolves) {
   EXPECT_LT(steps * kStep, 40.0);
 }
 
+// Who stands with its front over its stop line goes first, even against the right of way: it cannot wait
+// elsewhere. But if it waits for the very one that waits for it, that one goes.
+TEST(JunctionRules, ACircleIsOpenedPastWhoIsOverItsStopLine) {
+  for (const bool circle : {false, true}) {
+    Crossing crossing(PriorityCrossing());
+    Traffic& traffic = crossing.fleet.traffic;
+    const std::size_t ego = crossing.From("w", 3.0, 0.0), other = crossing.From("n", 1.0, 0.0);
+    traffic.driven[other] = 0;
+    traffic.now.lane[other] = crossing.network.FindLane(":J_0_0");
+    traffic.now.s[other] = 1.0;
+    for (int k = 0; k < 100; ++k) {
+      traffic.now.rule[other] = {};
+      if (circle) traffic.now.rule[other].waits_for = traffic.number[ego];
+      crossing.fleet.Step(kStep);
+    }
+    EXPECT_EQ(crossing.Passed(ego), circle);
+  }
+}
+
+// Half-way over from the lane beside, it is not the leader by its lane.
+TEST(JunctionRules, WhoseBodyIsInTheCourseIsWaitedFor) {
+  const RoadNetwork network = ChainNet(1, 2, 100.0);
+  Fleet fleet(network, {}, Rules::kAgent);
+  const std::size_t ego = fleet.Add({"e0"}, 1, 50.0, 0.0), other = fleet.Add({"e0"}, 0, 56.0, 0.0);
+  fleet.traffic.driven[other] = 0;
+  fleet.traffic.now.d[other] = 1.6;
+  fleet.traffic.now.y[other] += 1.6;
+  fleet.Step(kStep);
+  EXPECT_EQ(fleet.traffic.now.rule[ego].waits_for, fleet.traffic.number[other]);
+}
+
 TEST(JunctionRules, KeepsTheJunctionClear) {
   for (const double standing_at : {4.0, 20.0}) {  // [m] front of who stands behind the junction.
     Crossing crossing(PriorityCrossing());
