@@ -17,6 +17,10 @@ namespace fs = std::filesystem;
 
 /// SUMO's option for how often [s] a vehicle works out its driving.
 constexpr const char* kActionStep = "default.action-step-length";
+/// SUMO's option for how long [s] a vehicle must stand in a junction until nobody waits for it any more, and
+/// its value where agents, who see its body and pass beside it or wait, drive under SUMO's rules.
+constexpr const char* kJunctionBlocker = "ignore-junction-blocker";
+constexpr const char* kBlockerTime = "10";
 
 /// SUMO's options under their long names, by the section that holds them in a .sumocfg, may also be written
 /// short.
@@ -344,6 +348,11 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   const bool acts_rarely = passive_step > 0.0 || Has(given, kActionStep);
   if (acts_rarely && config.policy != Policy::kSumo && !Has(given, "step-method.ballistic"))
     add("step-method.ballistic", "false");
+  // Two that each stand in the other's way in a junction would wait for SUMO's word for ever.
+  if (config.rules == Rules::kSumo && config.policy != Policy::kSumo && config.penetration >= 1.0 &&
+      !Has(given, kJunctionBlocker)) {
+    add(kJunctionBlocker, kBlockerTime);
+  }
   add("step-length", fmt::format("{}", config.step_length));
   add("seed", fmt::format("{}", config.seed));
   if (config.end) add("end", fmt::format("{}", *config.end));

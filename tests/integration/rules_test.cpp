@@ -101,6 +101,29 @@ TEST(OwnRules, SumoIsPassiveOnlyWhereAgentsDriveEverything) {
   EXPECT_EQ(PassiveActionStep(other), 0.0);
 }
 
+// Of what stands in a junction agents see the body, native vehicles do not.
+TEST(SumosRules, BlockersOfJunctionsAreLeftToAgentsWhereTheyDriveEverything) {
+  const auto has = [](const RunConfig& config, const char* value) {
+    const std::vector<std::string> line = SumoCommandLine(config);
+    const auto option = std::find(line.begin(), line.end(), "--ignore-junction-blocker");
+    return option != line.end() && *(option + 1) == value &&
+           std::find(option + 1, line.end(), *option) == line.end();
+  };
+  RunConfig config = ByAgents("roundabout", 10.0);
+  EXPECT_FALSE(has(config, "10"));
+  config.rules = Rules::kSumo;
+  EXPECT_TRUE(has(config, "10"));
+  RunConfig other = config;
+  other.penetration = 0.9;
+  EXPECT_FALSE(has(other, "10"));
+  other = config;
+  other.policy = Policy::kSumo;
+  EXPECT_FALSE(has(other, "10"));
+  other = config;
+  other.sumo_options = {"--ignore-junction-blocker", "60"};
+  EXPECT_TRUE(has(other, "60"));
+}
+
 TEST(OwnRules, AnActionStepOfTheUsersLeavesCommandsExact) {
   for (const Rules rules : {Rules::kSumo, Rules::kAgent}) {
     RunConfig config = ByAgents("roundabout", 60.0);
