@@ -376,7 +376,7 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
   now.steering_angle[row] = 0.0;
   now.curvature[row] = point.curvature;
   now.speed_pid[row] = now.steering_pid[row] = {};
-  // What it asks of its neighbours follows from its route, as an agent's does.
+  // What it asks of its neighbours follows from its route and its stop, as with an agent.
   const int changes = traffic->plan[row] == nullptr ? 0 : ChangesNeeded(row, *traffic);
   now.blinker[row] = static_cast<std::int8_t>(std::clamp(changes, -1, 1));
   now.urgent[row] = changes != 0;
@@ -384,6 +384,7 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
 
 int VehicleBridge::ChangesNeeded(std::size_t row, const Traffic& traffic) const {
   const Lane& lane = network_.lanes[traffic.now.lane[row]];
+  if (traffic.stop_lane[row] != kNone && !lane.internal) return traffic.stop_lane[row] - lane.index;
   const RoutePlan& plan = *traffic.plan[row];
   const auto position = static_cast<std::size_t>(traffic.route_position[row]);
   return lane.internal || plan.route()[position] != lane.edge ? 0 : plan.At(position, lane.index).changes;

@@ -144,7 +144,8 @@ class VehicleBridge {
   std::size_t NextStop(const Coupled& coupled, std::span<const EdgeIndex> route, std::size_t position) const;
   /// Gives the vehicle a route that follows the dead end's lane and comes back, if there is one.
   void TakeDetour(std::size_t row, Traffic* traffic);
-  /// Lane changes to the best lane for the vehicle's route: > 0 to the left, < 0 to the right.
+  /// Lane changes to the lane of the vehicle's stop on this edge, else to the best one for its route: > 0 to
+  /// the left, < 0 to the right.
   int ChangesNeeded(std::size_t row, const Traffic& traffic) const;
   bool NeedsGuard(std::size_t row, const Traffic& traffic) const;
   const RoutePlan* PlanFor(const std::vector<std::string>& edges, VehicleClassMask vehicle_class);
