@@ -351,19 +351,19 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         if (!crossing_traffic && stands && creeping && waited > kPersonPatience)
           obstacle.forgiven = waited > kLongPatience ? kWholly : kReach;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
-        // Who stands in the junction, on another way through it, may reach a little into ours. Who blocks us
-        // for long, or for ever where the shapes of the lanes overlap, is crept by; the elder does not wait
-        // so long. Who waits for a signal, or for others than us, will go.
+        // Who stands in the junction, on another way through it, may reach a little into ours. Where that
+        // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who
+        // waits for a signal, or for others than us, will go.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
         const bool waits_inside = stands && IsInJunction(world, row);
         const Connection* way_out = WayOut(world, row);
         const bool has_signal = way_out != nullptr && way_out->signal != kNone;
         const bool waits_for_others =
             way_out != nullptr && !has_signal && MustYield(*way_out) && !MeetsUsAhead(world, row, way);
-        const float patience = waits_for_others && !waits_inside ? kOthersPatience : kPatience;
-        const bool waits_for_us = (elder && speed < kCreeping && !has_signal && !waits_for_others) ||
-                                  (stands && world.traffic->now.waited[ego] > patience);
-        if (creeping && waits_for_us) {
+        const bool waits_for_us =
+            (elder && speed < kCreeping && !has_signal && !waits_for_others) ||
+            (stands && world.traffic->now.waited[ego] > (waits_for_others ? kOthersPatience : kPatience));
+        if (creeping && (waits_inside || waits_for_us)) {
           obstacle.forgiven = kWholly;
         } else if (waits_inside) {
           obstacle.forgiven = kALittle;

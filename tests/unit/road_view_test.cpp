@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "agents/vehicle/kinematic_bicycle.h"
-#include "tests/support/crossing_net.h"
 #include "tests/support/scene.h"
 #include "tests/support/small_nets.h"
 
@@ -263,26 +262,6 @@ TEST(CrossView, WhoYieldsToOthersIsNotCreptThroughForLong) {
   EXPECT_GT(forgiven("M", 13.0f), 100.0f);
   EXPECT_EQ(forgiven("m", 13.0f), 0.0f);
   EXPECT_GT(forgiven("m", 91.0f), 100.0f);
-}
-
-// One that was there before us stands in the junction across our way: it may reach a little into ours, but
-// only who has waited for it creeps through.
-TEST(CrossView, WhoStandsInTheJunctionIsWaitedForAtFirst) {
-  const RoadNetwork network = PriorityCrossing();
-  Scene scene(network);
-  scene.Add({"n", "s_out"}, 0, 0.0, 0.0);
-  scene.Add({"w", "e_out"}, 0, kArm - 2.0, 0.0);
-  scene.traffic().now.lane[0] = network.FindLane(":J_0_0");
-  scene.traffic().now.s[0] = kCrossingHalf + 3.0;
-  const auto forgiven = [&](float waited) {
-    scene.traffic().now.waited[1] = waited;
-    RoadView view;
-    const World world = scene.Look();
-    SenseRoad(world, 1, LookAhead(world, 1, 30.0), 30.0, true, &view);
-    return view.obstacle_count == 1 ? view.obstacles[0].forgiven : -1.0f;
-  };
-  EXPECT_NEAR(forgiven(11.0f), 0.6f, 1e-6f);
-  EXPECT_GT(forgiven(13.0f), 100.0f);
 }
 
 // Its tangent points across our path; its lane bends and passes us 3.2 m to the left.
