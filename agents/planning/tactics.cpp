@@ -192,9 +192,12 @@ AgentIndex FindTurner(const Ego& ego, LaneIndex lane, double s, EdgeIndex next) 
           traffic.plan[other.row] == nullptr) {
         continue;
       }
+      const RoutePlan& plan = *traffic.plan[other.row];
       const auto position = static_cast<std::size_t>(traffic.route_position[other.row]);
-      if (traffic.plan[other.row]->At(position, network.lanes[lane].index).connection == index)
+      if (position < plan.route().size() && plan.route()[position] == network.lanes[lane].edge &&
+          plan.At(position, network.lanes[lane].index).connection == index) {
         return other.row;
+      }
     }
   }
   return kNone;
