@@ -115,17 +115,26 @@ bool ChangesNoTraffic(const std::string& option) {
          option.find("-output.") != std::string::npos;
 }
 
-/// SUMO's options as given to it, without those that change no traffic.
+/// SUMO's options as given to it, without those that change no traffic, and those that a run of agents adds
+/// by itself (SumoCommandLine): they belong to who drives, not to the demand.
 std::string TrafficOptions(const std::string& command_line) {
+  static const std::set<std::string> kOfAgents = {
+      "--ignore-junction-blocker 10", "--default.action-step-length 1", "--step-method.ballistic false"};
   std::istringstream words(command_line);
-  std::vector<std::string> kept;
+  std::vector<std::string> options;
   std::string word;
-  bool keep = true;
   while (words >> word) {
-    if (word.starts_with("--")) keep = !ChangesNoTraffic(word.substr(2, word.find('=') - 2));
-    if (keep) kept.push_back(word);
+    if (word.starts_with("--") || options.empty()) {
+      options.push_back(word);
+    } else {
+      options.back() += " " + word;
+    }
   }
-  return fmt::format("{}", fmt::join(kept, " "));
+  std::erase_if(options, [](const std::string& option) {
+    return kOfAgents.contains(option) ||
+           (option.starts_with("--") && ChangesNoTraffic(option.substr(2, option.find_first_of("= ") - 2)));
+  });
+  return fmt::format("{}", fmt::join(options, " "));
 }
 
 /// Equal for runs of the same inputs, wherever the files lie.

@@ -20,7 +20,7 @@ constexpr const char* kActionStep = "default.action-step-length";
 /// SUMO's option for how long [s] a vehicle must stand in a junction until nobody waits for it any more, and
 /// its value where agents, who see its body and pass beside it or wait, drive under SUMO's rules.
 constexpr const char* kJunctionBlocker = "ignore-junction-blocker";
-constexpr const char* kBlockerTime = "30";
+constexpr const char* kBlockerTime = "10";
 
 /// SUMO's options under their long names, by the section that holds them in a .sumocfg, may also be written
 /// short.

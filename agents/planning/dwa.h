@@ -64,7 +64,7 @@ struct CourseSet {
   alignas(64)
       std::array<float, kMaxCourses> clearance;  ///< [m] to what is passed; < 0 where overlap is forgiven.
   float leader_gap{0.0f},
-      leader_speed{0.0f};         ///< Of course 0: the nearest obstacle in it (infinite gap if none).
+      leader_speed{0.0f};        ///< Of course 0: the nearest obstacle in it (infinite gap if none).
   AgentIndex leader_row{kNone};  ///< It.
 };
 

@@ -174,9 +174,9 @@ bool Crosses(const Ego& ego, const Connection& connection) {
   return connection.direction == (ego.world.network->left_hand ? 'r' : 'l');
 }
 
-/// Who turns across oncoming traffic from `lane`, ahead of `s` on it or already in the junction behind it, and
-/// does not drive on with the ego to edge `next`. kNone: nobody who stands or is slow.
-AgentIndex FindTurner(const Ego& ego, LaneIndex lane, double s, EdgeIndex next) {
+/// Does one that stands or is slow turn across oncoming traffic from `lane`, ahead of `s` on it or already in
+/// the junction behind it, instead of driving on with the ego to edge `next`?
+bool HasTurner(const Ego& ego, LaneIndex lane, double s, EdgeIndex next) {
   const RoadNetwork& network = *ego.world.network;
   const Traffic& traffic = *ego.world.traffic;
   const double slow = kQueueSpeed * ego.speed_limit;
@@ -185,7 +185,7 @@ AgentIndex FindTurner(const Ego& ego, LaneIndex lane, double s, EdgeIndex next) 
     if (!Crosses(ego, connection) || network.lanes[connection.to].edge == next) continue;
     if (connection.via != kNone) {
       for (const Occupant& other : ego.world.occupancy->On(connection.via))
-        if (traffic.now.speed[other.row] < slow) return other.row;
+        if (traffic.now.speed[other.row] < slow) return true;
     }
     for (const Occupant& other : ego.world.occupancy->On(lane)) {
       if (other.s <= s || traffic.now.lane[other.row] != lane || traffic.now.speed[other.row] > slow ||
@@ -196,11 +196,11 @@ AgentIndex FindTurner(const Ego& ego, LaneIndex lane, double s, EdgeIndex next) 
       const auto position = static_cast<std::size_t>(traffic.route_position[other.row]);
       if (position < plan.route().size() && plan.route()[position] == network.lanes[lane].edge &&
           plan.At(position, network.lanes[lane].index).connection == index) {
-        return other.row;
+        return true;
       }
     }
   }
-  return kNone;
+  return false;
 }
 
 /// [s] until the slow vehicles ahead on the way that begins with a lane of the ego's edge have gone.
@@ -223,8 +223,7 @@ double QueueTime(const Ego& ego, LaneIndex lane, double s) {
         ++queue;
       }
     }
-    blocked = blocked || (position + 1 < route.size() &&
-                          FindTurner(ego, here, from, route[position + 1]) != kNone);
+    blocked = blocked || (position + 1 < route.size() && HasTurner(ego, here, from, route[position + 1]));
   }
   return kHeadway * queue + (blocked ? kBlocked : 0.0);
 }
@@ -406,11 +405,11 @@ NeededChange LeaveTurner(const Ego& ego, const Leader& leader) {
   }
   const EdgeIndex next = route[ego.position + 1];
   const LaneIndex own = ego.now().lane[ego.row];
-  if (FindTurner(ego, own, ego.s, next) == kNone) return {};
+  if (!HasTurner(ego, own, ego.s, next)) return {};
   for (const int side : {-1, +1}) {
     const LaneIndex neighbor = UsableNeighbor(ego, side);
     if (neighbor == kNone || ego.Advice(side).changes != 0) continue;
-    if (FindTurner(ego, neighbor, PositionOn(ego, neighbor), next) != kNone) continue;
+    if (HasTurner(ego, neighbor, PositionOn(ego, neighbor), next)) continue;
     return {side, 1, leader.gap, false};
   }
   return {};
@@ -444,9 +443,9 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     if (needed.asks) PrepareChange(ego, needed, beside, urgency, tactics);
     // Its tail must not stay in the junction behind it.
     if (ego.s > ego.vehicle.length) {
-      tactics->speed_cap = std::min(
-          tactics->speed_cap, FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap),
-                                          leader.speed, ego.params.driving.comfort_decel));
+      tactics->speed_cap = std::min(tactics->speed_cap,
+                                    FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap),
+                                                leader.speed, ego.params.driving.comfort_decel));
     }
     if (neighbor != kNone && !too_late && CanTurnOut(leader) &&
         GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
