@@ -1,8 +1,10 @@
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <pugixml.hpp>
 
 #include <cmath>
+#include <cstdlib>
 #include <map>
 
 #include "tests/support/sumo_run.h"
@@ -362,33 +364,18 @@ TEST(Coupling, AChangeBetweenShiftedLanesIsNoJump) {
 // that wants to that very stop. Each is in the other's way: the one in front drives on.
 TEST(Coupling, TwoBusesAtOneStopChangePlaces) {
   const TemporaryFolder folder;
-  const auto net = folder.Write("stop.net.xml", R"(<net version="1.9">
-    <edge id=":b_0" function="internal">
-      <lane id=":b_0_0" index="0" speed="13.89" length="11.2" shape="296,-8 307.2,-4.8"/>
-      <lane id=":b_0_1" index="1" speed="13.89" length="11.2" shape="296,-4.8 307.2,-1.6"/></edge>
-    <edge id=":b_2" function="internal">
-      <lane id=":b_2_0" index="0" speed="6.51" length="9.03" shape="296,-1.6 298.45,-1.25 300.2,-0.2 301.25,1.55 301.6,4"/></edge>
-    <edge id="ab" from="a" to="b">
-      <lane id="ab_0" index="0" speed="13.89" length="296" shape="0,-8 296,-8"/>
-      <lane id="ab_1" index="1" speed="13.89" length="296" shape="0,-4.8 296,-4.8"/>
-      <lane id="ab_2" index="2" speed="13.89" length="296" shape="0,-1.6 296,-1.6"/></edge>
-    <edge id="bc" from="b" to="c">
-      <lane id="bc_0" index="0" speed="13.89" length="192.8" shape="307.2,-4.8 500,-4.8"/>
-      <lane id="bc_1" index="1" speed="13.89" length="192.8" shape="307.2,-1.6 500,-1.6"/></edge>
-    <edge id="bd" from="b" to="d">
-      <lane id="bd_0" index="0" speed="13.89" length="196" shape="301.6,4 301.6,200"/></edge>
-    <junction id="a" type="dead_end" x="0" y="0" incLanes="" intLanes="" shape="0,0 0,-9.6"/>
-    <junction id="b" type="priority" x="300" y="0" incLanes="ab_0 ab_1 ab_2" intLanes=":b_0_0 :b_0_1 :b_2_0" shape="296,0 303.2,4 307.2,-6.4 296,-9.6">
-      <request index="0" response="000" foes="000" cont="0"/><request index="1" response="000" foes="000" cont="0"/>
-      <request index="2" response="000" foes="000" cont="0"/></junction>
-    <junction id="c" type="dead_end" x="500" y="0" incLanes="bc_0 bc_1" intLanes="" shape="500,-6.4 500,0"/>
-    <junction id="d" type="dead_end" x="300" y="200" incLanes="bd_0" intLanes="" shape="303.2,200 300,200"/>
-    <connection from="ab" to="bc" fromLane="0" toLane="0" via=":b_0_0" dir="s" state="M"/>
-    <connection from="ab" to="bc" fromLane="1" toLane="1" via=":b_0_1" dir="s" state="M"/>
-    <connection from="ab" to="bd" fromLane="2" toLane="0" via=":b_2_0" dir="l" state="M"/>
-    <connection from=":b_0" to="bc" fromLane="0" toLane="0" dir="s" state="M"/>
-    <connection from=":b_0" to="bc" fromLane="1" toLane="1" dir="s" state="M"/>
-    <connection from=":b_2" to="bd" fromLane="0" toLane="0" dir="l" state="M"/></net>)");
+  const auto nodes = folder.Write("stop.nod.xml", R"(<nodes><node id="a" x="0" y="0"/>
+    <node id="b" x="300" y="0"/><node id="c" x="500" y="0"/><node id="d" x="300" y="200"/></nodes>)");
+  const auto edges = folder.Write("stop.edg.xml", R"(<edges><edge id="ab" from="a" to="b" numLanes="3"/>
+    <edge id="bc" from="b" to="c" numLanes="2"/><edge id="bd" from="b" to="d"/></edges>)");
+  const auto links = folder.Write("stop.con.xml", R"(<connections>
+    <connection from="ab" to="bc" fromLane="0" toLane="0"/>
+    <connection from="ab" to="bc" fromLane="1" toLane="1"/>
+    <connection from="ab" to="bd" fromLane="2" toLane="0"/></connections>)");
+  const auto net = folder / "stop.net.xml";
+  const std::string build = fmt::format("'{}' -n '{}' -e '{}' -x '{}' -o '{}' >/dev/null 2>&1", kNetconvert,
+                                        nodes.string(), edges.string(), links.string(), net.string());
+  ASSERT_EQ(std::system(build.c_str()), 0);
   const auto routes = folder.Write("stop.rou.xml", R"(<routes>
     <vType id="bus" vClass="bus" length="12"/>
     <vehicle id="first" type="bus" depart="0" departLane="0" departPos="262">
