@@ -8,12 +8,12 @@
 #include "agents/avoider.h"
 #include "agents/coordination/green_advice.h"
 #include "agents/coordination/roadside.h"
+#include "agents/core/spatial_grid.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
 #include "agents/planning/dwa.h"
 #include "agents/rules/junction_rules.h"
 #include "agents/sensing/lane_occupancy.h"
-#include "agents/sensing/spatial_grid.h"
 #include "agents/traffic.h"
 #include "agents/v2x/channel.h"
 

@@ -6,9 +6,9 @@
 #include <unordered_map>
 #include <vector>
 
+#include "agents/core/spatial_grid.h"
 #include "agents/core/types.h"
 #include "agents/network/road_network.h"
-#include "agents/sensing/spatial_grid.h"
 #include "analysis/conflict_geometry.h"
 #include "analysis/lane_motion.h"
 #include "analysis/lane_order.h"

@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "agents/core/geometry.h"
+#include "agents/core/spatial_grid.h"
 #include "agents/core/types.h"
 #include "agents/network/road_network.h"
-#include "agents/sensing/spatial_grid.h"
 #include "analysis/conflict_geometry.h"
 #include "analysis/encounter.h"
 #include "analysis/encroachment_watch.h"

@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "agents/agent_params.h"
+#include "agents/core/spatial_grid.h"
 #include "agents/network/lane_curve.h"
 #include "agents/sector_net/samples.h"
 #include "agents/sensing/lane_occupancy.h"
 #include "agents/sensing/sector_scan.h"
-#include "agents/sensing/spatial_grid.h"
 #include "libsumo_bridge/vehicle_bridge.h"
 
 namespace lanewise {

@@ -11,6 +11,7 @@
 #include <span>
 
 #include "agents/core/check.h"
+#include "agents/core/spatial_grid.h"
 
 namespace lanewise {
 namespace {
@@ -24,6 +25,11 @@ constexpr double kMinSegment = 1e-3;        // [m] vertices nearer than this are
 constexpr double kKnotSpacing = 1.0;        // [m] between the knots of a finished curve.
 constexpr double kSoleTurnRadius = 7.0;     // [m] a car's front bumper can follow 6.
 constexpr double kLeastTurn = 0.5, kGreatestTurn = 2.4;  // [rad] turns that are rounded.
+constexpr double kPassingRoom = 2.9;                     // [m] between the middles of two buses 0.4 m apart.
+constexpr double kMaxShift = 0.65;                       // [m] a lane is moved by.
+constexpr double kShiftTaper = 0.05;                     // [m/m] at which the move begins and ends.
+constexpr double kSampleSpacing = 2.0;                   // [m] of lane between the places that are compared.
+constexpr double kOpposingCosine = -0.85;                // Of the angle between lanes of opposite directions.
 
 Point2 operator+(Point2 a, Point2 b) {
   return {a.x + b.x, a.y + b.y};
@@ -191,6 +197,140 @@ void RoundSoleTurns(const RoadNetwork& network, std::vector<Polyline>* polylines
   }
 }
 
+// ── Carriageways that overlap
+// ──────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+/// A place on a lane's center line.
+struct LaneSample {
+  LaneIndex lane;
+  Point2 at;
+  Point2 direction;  // Of travel, length 1.
+};
+
+/// The lanes that cars and buses drive on, sampled at equal distances: those of lane i are
+/// samples[first[i]] .. samples[first[i + 1] - 1].
+struct LaneSamples {
+  std::vector<LaneSample> samples;
+  std::vector<std::size_t> first;
+};
+
+LaneSamples SampleRoads(const RoadNetwork& network, std::span<const Polyline> polylines) {
+  const VehicleClassMask motor_vehicles =
+      VehicleClassBit("passenger") | VehicleClassBit("bus") | VehicleClassBit("truck");
+  LaneSamples all;
+  for (std::size_t i = 0; i < polylines.size(); ++i) {
+    all.first.push_back(all.samples.size());
+    const Lane& lane = network.lanes[i];
+    const Polyline& line = polylines[i];
+    if (lane.internal || (lane.allowed & motor_vehicles) == 0 || line.vertices().size() < 2) continue;
+    const int pieces = std::max(1, static_cast<int>(std::ceil(line.length() / kSampleSpacing)));
+    for (int k = 0; k <= pieces; ++k) {
+      const double station = line.length() * k / pieces;
+      all.samples.push_back(
+          {static_cast<LaneIndex>(i), line.At(station), Direction(line.HeadingAt(station))});
+    }
+  }
+  all.first.push_back(all.samples.size());
+  return all;
+}
+
+/// For each sample, how far [m] to its left the middle of the nearest lane of the opposite direction lies
+/// (negative: to its right); infinity where none is nearer than kPassingRoom.
+std::vector<double> OpposingLanes(std::span<const LaneSample> samples) {
+  std::vector<double> x, y;
+  for (const LaneSample& sample : samples) {
+    x.push_back(sample.at.x);
+    y.push_back(sample.at.y);
+  }
+  SpatialGrid grid(kPassingRoom + kSampleSpacing);
+  grid.Build(x, y);
+  std::vector<double> opposing;
+  for (const LaneSample& sample : samples) {
+    double nearest = std::numeric_limits<double>::infinity();
+    grid.ForEachNear(sample.at.x, sample.at.y, kPassingRoom + kSampleSpacing, [&](AgentIndex other) {
+      const Point2 chord = samples[other].at - sample.at;
+      if (Dot(sample.direction, samples[other].direction) > kOpposingCosine ||
+          std::abs(Dot(sample.direction, chord)) > 0.5 * kSampleSpacing) {
+        return;
+      }
+      const double left = Cross(sample.direction, chord);
+      if (std::abs(left) < std::min(kPassingRoom, std::abs(nearest))) nearest = left;
+    });
+    opposing.push_back(nearest);
+  }
+  return opposing;
+}
+
+/// How far [m] to the left the samples of one lane are moved away from the lane that overlaps it, if any:
+/// half of what is missing, as the other lane moves too. Always to one side, on a common middle to the right.
+std::vector<double> ShiftsOf(std::span<const double> opposing) {
+  constexpr double kOneMiddle = 0.05;  // [m] nearer, neither side is meant.
+  double sum = 0.0;
+  for (const double left : opposing) sum += std::isfinite(left) ? left + kOneMiddle : 0.0;
+  const double side = sum < 0.0 ? 1.0 : -1.0;
+  std::vector<double> shifts;
+  for (const double left : opposing) {
+    const double missing = std::isfinite(left) ? kPassingRoom - std::abs(left) : 0.0;
+    shifts.push_back(side * std::min(kMaxShift, 0.5 * missing));
+  }
+  return shifts;
+}
+
+/// Lets the shift begin and end gradually.
+void Taper(std::span<double> shifts) {
+  const auto limit = [](double before, double* shift) {
+    const double least = std::abs(before) - kShiftTaper * kSampleSpacing;
+    if (least > std::abs(*shift)) *shift = std::copysign(least, before);
+  };
+  for (std::size_t k = 1; k < shifts.size(); ++k) limit(shifts[k - 1], &shifts[k]);
+  for (std::size_t k = shifts.size(); k-- > 1;) limit(shifts[k], &shifts[k - 1]);
+}
+
+/// Moves the center lines of opposite directions apart where a network lays them so near that two buses
+/// cannot pass each other: digitised carriageways overlap by up to a metre, and SUMO's own vehicles drive
+/// through each other there. The lanes beside them give way as far as they have to.
+void PartCarriageways(const RoadNetwork& network, std::vector<Polyline>* polylines) {
+  const LaneSamples roads = SampleRoads(network, *polylines);
+  const std::vector<double> opposing = OpposingLanes(roads.samples);
+  std::vector<double> shifts;
+  const auto of_lane = [&](auto& values, LaneIndex lane) {
+    return std::span(values).subspan(roads.first[lane], roads.first[lane + 1] - roads.first[lane]);
+  };
+  const auto lane_count = static_cast<LaneIndex>(network.lanes.size());
+  for (LaneIndex lane = 0; lane < lane_count; ++lane) {
+    const std::vector<double> own = ShiftsOf(of_lane(opposing, lane));
+    shifts.insert(shifts.end(), own.begin(), own.end());
+    Taper(of_lane(shifts, lane));
+  }
+  // Outwards, lane by lane: to the right first, then to the left.
+  const auto give_way = [&](LaneIndex lane, LaneIndex beside, double side) {
+    if (network.lanes[beside].edge != network.lanes[lane].edge || network.lanes[lane].edge == kNone) return;
+    const auto pushing = of_lane(shifts, lane), pushed = of_lane(shifts, beside);
+    const auto from = of_lane(roads.samples, lane), to = of_lane(roads.samples, beside);
+    if (pushing.empty()) return;
+    for (std::size_t k = 0; k < pushed.size(); ++k) {
+      const std::size_t abeam = k * (pushing.size() - 1) / std::max<std::size_t>(1, pushed.size() - 1);
+      const double slack = std::max(0.0, Norm(to[k].at - from[abeam].at) - kPassingRoom);
+      const double push = side * pushing[abeam] - slack;
+      if (push > side * pushed[k]) pushed[k] = side * push;
+    }
+  };
+  for (LaneIndex lane = lane_count - 1; lane > 0; --lane) give_way(lane, lane - 1, -1.0);
+  for (LaneIndex lane = 1; lane < lane_count; ++lane) give_way(lane - 1, lane, 1.0);
+
+  for (LaneIndex lane = 0; lane < lane_count; ++lane) {
+    const auto shift = of_lane(shifts, lane);
+    if (std::all_of(shift.begin(), shift.end(), [](double left) { return left == 0.0; })) continue;
+    const auto samples = of_lane(roads.samples, lane);
+    Polyline moved({});
+    for (std::size_t k = 0; k < shift.size(); ++k) {
+      const Point2 left{-samples[k].direction.y, samples[k].direction.x};
+      moved.Append(samples[k].at + shift[k] * left);
+    }
+    (*polylines)[lane] = std::move(moved);
+  }
+}
+
 // ── Joints
 // ──────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -208,6 +348,7 @@ class JointTable {
       : network_(network), parent_(2 * network.lanes.size()), joints_(parent_.size()) {
     for (const Lane& lane : network.lanes) polylines_.emplace_back(lane.shape);
     RoundSoleTurns(network, &polylines_);
+    PartCarriageways(network, &polylines_);
     std::iota(parent_.begin(), parent_.end(), 0);
     for (const Connection& connection : network.connections) {
       const LaneIndex successor = connection.via != kNone ? connection.via : connection.to;

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
+#include "agents/core/spatial_grid.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
 #include "agents/sensing/lane_occupancy.h"
-#include "agents/sensing/spatial_grid.h"
 #include "agents/traffic.h"
 
 namespace lanewise {

@@ -8,8 +8,8 @@
 
 #include "agents/agent_params.h"
 #include "agents/core/random.h"
+#include "agents/core/spatial_grid.h"
 #include "agents/network/road_network.h"
-#include "agents/sensing/spatial_grid.h"
 #include "agents/traffic.h"
 #include "agents/v2x/channel_counts.h"
 #include "agents/v2x/inbox.h"

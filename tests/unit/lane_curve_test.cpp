@@ -239,6 +239,40 @@ TEST(LaneCurve, ASoleTurnIsRoundedToWhatVehiclesCanFollow) {
   EXPECT_NEAR(shared[in].At(50.0).y, 0.0, 1e-6);
 }
 
+// 1.7 m lie between the middles of the two directions, from x = 60 m to 140 m: each gives way to its right by
+// half of what two buses miss (2.9 m), the lane beside by what it cannot spare of the 3.2 m.
+TEST(LaneCurve, DirectionsThatOverlapAreParted) {
+  LaneNet net;
+  const LaneIndex right = net.Add({{0.0, -3.2}, {200.0, -3.2}});
+  const LaneIndex left = net.Add({{0.0, 0.0}, {200.0, 0.0}});
+  net.network.lanes[right].edge = net.network.lanes[left].edge = 0;
+  const LaneIndex oncoming = net.Add({{140.0, 1.7}, {60.0, 1.7}});
+  const auto curves = net.Fit();
+  EXPECT_NEAR(curves[oncoming].At(40.0).y, 2.3, 0.01);
+  EXPECT_NEAR(curves[left].At(100.0).y, -0.6, 0.01);
+  EXPECT_NEAR(curves[right].At(100.0).y, -3.5, 0.01);
+  for (const double x : {0.0, 30.0, 170.0, 200.0}) {
+    EXPECT_NEAR(curves[left].At(x).y, 0.0, 0.01) << x;
+    EXPECT_NEAR(curves[right].At(x).y, -3.2, 0.01) << x;
+  }
+  EXPECT_LT(MaxCurvature(curves[left]), 0.02);
+  ExpectConsistent(curves[left]);
+
+  // Sidewalks may lie where they like.
+  net.network.lanes[oncoming].allowed = VehicleClassBit("pedestrian");
+  EXPECT_NEAR(net.Fit()[left].At(100.0).y, 0.0, 1e-6);
+}
+
+// Digitised on one middle, both directions give way to the right.
+TEST(LaneCurve, DirectionsOnOneMiddleAreParted) {
+  LaneNet net;
+  const LaneIndex east = net.Add({{0.0, 0.0}, {100.0, 0.0}});
+  const LaneIndex west = net.Add({{100.0, 0.0}, {0.0, 0.0}});
+  const auto curves = net.Fit();
+  EXPECT_NEAR(curves[east].At(50.0).y, -0.65, 0.01);
+  EXPECT_NEAR(curves[west].At(50.0).y, 0.65, 0.01);
+}
+
 // The lane's last 2.5 m bend to the right by 0.35 rad, the way on bends back: the arc is not continued past
 // the lane's end, as that of a real bend is.
 TEST(LaneCurve, ABendThatIsTakenBackAtTheJunctionIsNotContinued) {

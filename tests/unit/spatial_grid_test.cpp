@@ -1,4 +1,4 @@
-#include "agents/sensing/spatial_grid.h"
+#include "agents/core/spatial_grid.h"
 
 #include <gtest/gtest.h>
 
