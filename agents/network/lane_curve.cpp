@@ -25,6 +25,7 @@ constexpr double kMinSegment = 1e-3;        // [m] vertices nearer than this are
 constexpr double kKnotSpacing = 1.0;        // [m] between the knots of a finished curve.
 constexpr double kSoleTurnRadius = 7.0;     // [m] a car's front bumper can follow 6.
 constexpr double kLeastTurn = 0.5, kGreatestTurn = 2.4;  // [rad] turns that are rounded.
+constexpr double kBusWidth = 2.5;                        // [m] SUMO's.
 constexpr double kPassingRoom = 2.9;                     // [m] between the middles of two buses 0.4 m apart.
 constexpr double kMaxShift = 0.65;                       // [m] a lane is moved by.
 constexpr double kShiftTaper = 0.05;                     // [m/m] at which the move begins and ends.
@@ -263,15 +264,21 @@ std::vector<double> OpposingLanes(std::span<const LaneSample> samples) {
 
 /// How far [m] to the left the samples of one lane are moved away from the lane that overlaps it, if any:
 /// half of what is missing, as the other lane moves too. Always to one side, on a common middle to the right.
+/// None where two buses just pass.
 std::vector<double> ShiftsOf(std::span<const double> opposing) {
   constexpr double kOneMiddle = 0.05;  // [m] nearer, neither side is meant.
-  double sum = 0.0;
-  for (const double left : opposing) sum += std::isfinite(left) ? left + kOneMiddle : 0.0;
-  const double side = sum < 0.0 ? 1.0 : -1.0;
-  std::vector<double> shifts;
+  double sum = 0.0, nearest = kPassingRoom;
   for (const double left : opposing) {
-    const double missing = std::isfinite(left) ? kPassingRoom - std::abs(left) : 0.0;
-    shifts.push_back(side * std::min(kMaxShift, 0.5 * missing));
+    if (!std::isfinite(left)) continue;
+    sum += left + kOneMiddle;
+    nearest = std::min(nearest, std::abs(left));
+  }
+  const double side = sum < 0.0 ? 1.0 : -1.0;
+  std::vector<double> shifts(opposing.size(), 0.0);
+  if (nearest >= kBusWidth) return shifts;
+  for (std::size_t k = 0; k < opposing.size(); ++k) {
+    if (std::isfinite(opposing[k]))
+      shifts[k] = side * std::min(kMaxShift, 0.5 * (kPassingRoom - std::abs(opposing[k])));
   }
   return shifts;
 }

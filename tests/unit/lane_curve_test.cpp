@@ -258,6 +258,11 @@ TEST(LaneCurve, DirectionsThatOverlapAreParted) {
   EXPECT_LT(MaxCurvature(curves[left]), 0.02);
   ExpectConsistent(curves[left]);
 
+  // Where two buses just pass, nothing is moved.
+  net.network.lanes[oncoming].shape = {{140.0, 2.6}, {60.0, 2.6}};
+  EXPECT_NEAR(net.Fit()[left].At(100.0).y, 0.0, 1e-6);
+  net.network.lanes[oncoming].shape = {{140.0, 1.7}, {60.0, 1.7}};
+
   // Sidewalks may lie where they like.
   net.network.lanes[oncoming].allowed = VehicleClassBit("pedestrian");
   EXPECT_NEAR(net.Fit()[left].At(100.0).y, 0.0, 1e-6);
