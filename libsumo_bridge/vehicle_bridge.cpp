@@ -355,8 +355,15 @@ void VehicleBridge::ReadNative(std::size_t row, LaneIndex lane, double s, double
                                Traffic* traffic) {
   Motion& now = traffic->now;
   const std::string& id = records_[row].id;
-  const libsumo::TraCIPosition position = SumoVehicle::getPosition(id);
+  libsumo::TraCIPosition position = SumoVehicle::getPosition(id);
   const PathPoint point = curves_[lane].At(s);
+  const Lane& its_lane = network_.lanes[lane];
+  if (traffic->policy[row] != Policy::kSumo && !its_lane.shape.empty() && its_lane.length > 0.0) {
+    // Where an agent's curve leaves SUMO's center line, it does not leap when SUMO drives it for a while.
+    const Point2 middle = PointOn(its_lane.shape, s / its_lane.length);
+    position.x += point.x - middle.x;
+    position.y += point.y - middle.y;
+  }
   const bool fresh = now.lane[row] == kNone;
   now.lane[row] = lane;
   now.s[row] = s;

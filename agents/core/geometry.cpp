@@ -79,6 +79,24 @@ double PenetrationDepth(const Box& a, const Box& b) {
 
 }  // namespace
 
+Point2 PointOn(std::span<const Point2> line, double share) {
+  const auto piece = [&](std::size_t i) {
+    return std::hypot(line[i].x - line[i - 1].x, line[i].y - line[i - 1].y);
+  };
+  double ahead = 0.0;
+  for (std::size_t i = 1; i < line.size(); ++i) ahead += share * piece(i);
+  for (std::size_t i = 1; i < line.size(); ++i) {
+    const double length = piece(i);
+    if (ahead < length) {
+      const double part = ahead / length;
+      return {line[i - 1].x + part * (line[i].x - line[i - 1].x),
+              line[i - 1].y + part * (line[i].y - line[i - 1].y)};
+    }
+    ahead -= length;
+  }
+  return line.back();
+}
+
 double WrapAngle(double angle) {
   // Most angles are already wrapped; std::remainder is slow.
   if (std::abs(angle) <= std::numbers::pi) return angle;

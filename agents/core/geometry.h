@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "agents/core/types.h"
 
 namespace lanewise {
@@ -13,6 +15,9 @@ struct Footprint {
 
 /// [rad] wrapped to [-pi, pi].
 double WrapAngle(double angle);
+
+/// The point at `share`, in [0, 1], of the length of a polyline of at least one vertex.
+Point2 PointOn(std::span<const Point2> line, double share);
 
 /// Penetration depth of two boxes [m]: > 0 when they overlap (the smallest shift that separates
 /// them), <= 0 when a separating axis exists (then minus the gap along the best axis, a lower bound of the

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 #include <random>
+#include <vector>
 
 #include "analysis/conflict_geometry.h"
 
@@ -31,6 +32,16 @@ TEST(WrapAngle, IsPeriodicAndKeepsTheEnds) {
   EXPECT_EQ(WrapAngle(kPi), kPi);
   EXPECT_EQ(WrapAngle(-kPi), -kPi);
   EXPECT_EQ(WrapAngle(0.3), 0.3);
+}
+
+TEST(PointOn, GoesByLengthOverEveryPiece) {
+  const std::vector<Point2> line{{0.0, 0.0}, {6.0, 0.0}, {6.0, 0.0}, {6.0, 4.0}};
+  EXPECT_NEAR(PointOn(line, 0.0).x, 0.0, 1e-12);
+  EXPECT_NEAR(PointOn(line, 0.3).x, 3.0, 1e-12);
+  EXPECT_NEAR(PointOn(line, 0.8).x, 6.0, 1e-12);
+  EXPECT_NEAR(PointOn(line, 0.8).y, 2.0, 1e-12);
+  EXPECT_NEAR(PointOn(line, 1.0).y, 4.0, 1e-12);
+  EXPECT_NEAR(PointOn(std::vector<Point2>{{1.0, 2.0}}, 0.5).y, 2.0, 1e-12);
 }
 
 TEST(Distance, InOneLaneIsTheGap) {
