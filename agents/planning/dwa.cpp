@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "agents/planning/car_following.h"
 
@@ -10,8 +11,6 @@ namespace {
 
 /// [s] between the points at which a rollout is checked against what moves beside the ego.
 constexpr float kCheckPeriod = 0.2f;
-/// [m] from which a body cuts bends more than a car does.
-constexpr float kLongBody = 7.0f;
 /// [m] below which a body's bulge into a bend is left out.
 constexpr float kNoBulge = 0.01f;
 /// [m] to what is beside the ego, below which no plan comes nearer.
@@ -197,9 +196,38 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
   }
 }
 
+/// Where a point of the body is, on each course, while it passes an obstacle.
+class Passage {
+ public:
+  using Places = float[kPathNodes][kMaxCourses];
+  /// @param node place along the path, in nodes, from which it passes; min and max: from each node on.
+  Passage(const Places& at, const Places& min, const Places& max, float node) {
+    const int n = std::min(kPathNodes - 1, static_cast<int>(node)), after = std::min(kPathNodes - 1, n + 1);
+    share_ = node - static_cast<float>(n);
+    here_ = at[n];
+    next_ = at[after];
+    min_ = min[after];
+    max_ = max[after];
+  }
+  /// Least and greatest d [m] on course j.
+  float Low(int j) const {
+    const float first = here_[j] + share_ * (next_[j] - here_[j]);
+    return first < min_[j] ? first : min_[j];
+  }
+  float High(int j) const {
+    const float first = here_[j] + share_ * (next_[j] - here_[j]);
+    return first > max_[j] ? first : max_[j];
+  }
+
+ private:
+  const float *here_, *next_, *min_, *max_;
+  float share_;  // Of the way from here_ to next_; their values are equal behind the last node.
+};
+
 /// [m] lateral target of the course that may be driven fastest, if there is more room on it than on the
-/// present one; of equal ones that which turns least.
-double RoomiestCourse(const PlanContext& c, const CourseSet& courses) {
+/// present one; of equal ones that which keeps clearest, then that which turns least.
+/// @param beside [m] by course, lateral gap to what is beside the ego.
+double RoomiestCourse(const PlanContext& c, const CourseSet& courses, const float* beside) {
   const auto turn = [&](int j) { return std::abs(courses.target[j] - c.d); };
   int present = 0;
   for (int j = 1; j < courses.count; ++j) {
@@ -207,8 +235,10 @@ double RoomiestCourse(const PlanContext& c, const CourseSet& courses) {
   }
   int best = present;
   for (int j = 0; j < courses.count; ++j) {
-    const float room = courses.safe_speed[j], most = courses.safe_speed[best];
-    if (room > most || (room == most && turn(j) < turn(best))) best = j;
+    const auto merit = [&](int k) {
+      return std::tuple(courses.safe_speed[k], std::min(courses.clearance[k], beside[k]), -turn(k));
+    };
+    if (merit(j) > merit(best)) best = j;
   }
   return best == present ? c.d : courses.target[best];
 }
@@ -285,8 +315,7 @@ void RollOutCourses(const DrivingParams& driving, const RoadView& view, const Pl
   const int window = NodesBeside(view, length);
   RangeFromNodeOn(courses->front, padded, window, courses->front_min, courses->front_max);
   RangeFromNodeOn(courses->rear, padded, window, courses->rear_min, courses->rear_max);
-  if (courses->bent)
-    RangeFromNodeOn(courses->middle, padded, window, courses->middle_min, courses->middle_max);
+  RangeFromNodeOn(courses->middle, padded, window, courses->middle_min, courses->middle_max);
 }
 
 void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const PlanContext& c,
@@ -319,7 +348,6 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
 
   const float margin = Margin(params.dwa, c);
   const float half_width = static_cast<float>(0.5 * vehicle.width);
-  const int body_nodes = static_cast<int>(std::ceil(vehicle.length / view.spacing));
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
     const float gap = o.s - o.half_length;
@@ -333,22 +361,23 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     const float drift = o.speed_d * std::min(o.drift_time, gap / std::max(1.0f, static_cast<float>(c.speed)));
     const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift) - half_width;
     const float obstacle_left = o.d + o.half_width + std::max(0.0f, drift) + half_width;
-    // The front passes the obstacle from this node on, the rear a body length later.
-    const int n = std::min(kPathNodes - 1, static_cast<int>(gap / view.spacing));
-    const int n_rear = std::min(kPathNodes - 1, n + body_nodes);
-    const float* front_min = courses->front_min[n];
-    const float* front_max = courses->front_max[n];
+    // The front passes the obstacle from here on, the middle and the rear half a body and a body later.
+    const float length = static_cast<float>(vehicle.length);
+    const Passage front(courses->front, courses->front_min, courses->front_max, gap / view.spacing);
+    const auto rest_of_body = [&](const auto& at, const auto& min, const auto& max, float behind) {
+      return Passage(at, min, max, (gap + behind) / view.spacing);
+    };
     // A bend moves the rear of both who go abreast; a bus's moves farther.
     const bool abreast = o.parallel && vehicle.length < kLongBody;
-    const float* rear_min = abreast ? front_min : courses->rear_min[n_rear];
-    const float* rear_max = abreast ? front_max : courses->rear_max[n_rear];
-    const int n_middle = std::min(kPathNodes - 1, n + body_nodes / 2);
-    const bool straight = abreast || !courses->bent;
-    const float* middle_min = straight ? front_min : courses->middle_min[n_middle];
-    const float* middle_max = straight ? front_max : courses->middle_max[n_middle];
+    const Passage rear =
+        abreast ? front : rest_of_body(courses->rear, courses->rear_min, courses->rear_max, length);
+    // Who swings out passes a corner with its flank last.
+    const Passage middle =
+        abreast ? front
+                : rest_of_body(courses->middle, courses->middle_min, courses->middle_max, 0.5f * length);
     const auto lateral_gap_of = [&](int j) {
-      const float low = Least(front_min[j], rear_min[j], middle_min[j]);
-      const float high = Most(front_max[j], rear_max[j], middle_max[j]);
+      const float low = Least(front.Low(j), rear.Low(j), middle.Low(j));
+      const float high = Most(front.High(j), rear.High(j), middle.High(j));
       const float gap_right = low - obstacle_left, gap_left = obstacle_right - high;
       return gap_right > gap_left ? gap_right : gap_left;
     };
@@ -426,7 +455,7 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   if (plan.status == PlanStatus::kOk) return plan;
   // Squeezed from the side, braking is of use only where it gives more room. Ahead, braking on another course
   // may need less of it.
-  squeezed.target_d = RoomiestCourse(c, courses);
+  squeezed.target_d = RoomiestCourse(c, courses, scratch->blocked_clearance[1]);
   return squeezed;
 }
 

@@ -53,8 +53,8 @@ struct CourseSet {
   /// [m] range of both over the nodes, from n on, where the ego may be beside what it reaches at n.
   alignas(64) float front_min[kPathNodes][kMaxCourses], front_max[kPathNodes][kMaxCourses];
   alignas(64) float rear_min[kPathNodes][kMaxCourses], rear_max[kPathNodes][kMaxCourses];
-  /// Likewise of the middle of the body, which in a bend lies farther inside than both bumpers; only if
-  /// `bent`.
+  /// Likewise of the middle of the body. Is the path `bent`, so that it lies farther inside than both
+  /// bumpers?
   bool bent{false};
   alignas(64) float middle[kPathNodes][kMaxCourses];
   alignas(64) float middle_min[kPathNodes][kMaxCourses], middle_max[kPathNodes][kMaxCourses];

@@ -37,7 +37,7 @@ constexpr double kRoomToLeave = 12.0;
 /// [m] by which positions on neighbour lanes may differ and still count as the same.
 constexpr double kEven = 0.05;
 /// [m] of length from which a vehicle does not keep to its lane in turns, and [rad] of those turns.
-constexpr double kLongBody = 9.0;
+constexpr double kLongVehicle = 9.0;
 constexpr double kLeastTurn = 0.25;
 /// Of rear axle to front: how much wider it turns a radian, and how far ahead it aims where it turns early.
 constexpr double kWidening = 0.4, kAimAhead = 1.1;
@@ -277,7 +277,7 @@ PathPoint PointAhead(const Ego& ego, const WayAhead& way, double distance) {
 /// would swing over the middle of the road. The kerb's side is free. A turn away from the kerb is driven
 /// wider; one towards it begins early, on the line to a point ahead (pure pursuit).
 double KeepToKerb(const Ego& ego, const WayAhead& way) {
-  if (ego.vehicle.length < kLongBody || ego.lane.index > 0) return 0.0;  // Beside it drive others.
+  if (ego.vehicle.length < kLongVehicle || ego.lane.index > 0) return 0.0;  // Beside it drive others.
   const Motion& now = ego.now();
   const double length = ego.vehicle.rear_axle_to_front;
   const double kerb = ego.world.network->left_hand ? 1.0 : -1.0;

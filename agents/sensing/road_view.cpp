@@ -159,10 +159,15 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   if (std::abs(along) > kGoesAlong) {
     const OnPath front = Project(view, x + half_length * cos_heading, y + half_length * sin_heading);
     const OnPath rear = Project(view, x - half_length * cos_heading, y - half_length * sin_heading);
+    auto [right, left] = std::minmax({front.d, rear.d});
+    if (params.length >= kLongBody) {  // In a bend its middle cuts the corner.
+      right = std::min(right, at.d);
+      left = std::max(left, at.d);
+    }
     obstacle.s = 0.5f * (front.s + rear.s);
-    obstacle.d = 0.5f * (front.d + rear.d);
+    obstacle.d = 0.5f * (left + right);
     obstacle.half_length = 0.5f * std::abs(front.s - rear.s) + half_width * std::abs(across);
-    obstacle.half_width = 0.5f * std::abs(front.d - rear.d) + half_width * std::abs(along);
+    obstacle.half_width = 0.5f * (left - right) + half_width * std::abs(along);
     // The front follows the road: its motion is told by the tangent there.
     along = cos_heading * front.cos_heading + sin_heading * front.sin_heading;
     across = sin_heading * front.cos_heading - cos_heading * front.sin_heading;
@@ -336,9 +341,9 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
     obstacle.forgiven = 0.0f;
-    // Who stands does not swing out with us in a bend.
-    obstacle.parallel =
-        obstacle.along > kGoesAlong && obstacle.speed_s > kCreeping && IsParallel(world, row, way);
+    // Who stands does not swing out with us in a bend, and a long body swings farther.
+    obstacle.parallel = obstacle.along > kGoesAlong && obstacle.speed_s > kCreeping &&
+                        world.traffic->params[row].length < kLongBody && IsParallel(world, row, way);
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
       const bool stands = speed < kStanding;

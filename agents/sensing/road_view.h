@@ -69,6 +69,9 @@ Leader FindLeader(const World& world, AgentIndex ego, const WayAhead& way);
 Leader FindLeaderOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookahead);
 Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, double s, double lookback);
 
+/// [m] from which a body in a bend reaches into the lane beside.
+inline constexpr double kLongBody = 7.0;
+
 /// A road user or thing near the ego, in the frame of the ego's reference path: s from the ego's front
 /// bumper.
 struct Obstacle {

@@ -144,6 +144,38 @@ TEST_F(DwaTest, NothingFeasibleBrakesWhereThereIsMostRoom) {
   }
 }
 
+// On its way out from behind a bus that reaches to d = -1.7 m, its front is past the corner's line with less
+// than the margin and too fast to stop: it goes on outwards, and does not straighten up into the corner.
+TEST_F(DwaTest, NothingFeasibleGoesOnPastACorner) {
+  context_.d = -0.96;
+  context_.heading_error = 0.2;
+  context_.speed = 9.1;
+  context_.corridor_min = -0.96;
+  scratch_->view = PathView(ViewHorizon(9.1));
+  AddObstacle(1.5, -3.08, 0.0, 1.36);
+  const Plan plan = MakePlan();
+  EXPECT_EQ(plan.status, PlanStatus::kNoFeasibleCommand);
+  EXPECT_GT(plan.target_d, 0.4);
+}
+
+// Where between two nodes an obstacle begins makes no leap in the room beside it.
+TEST_F(DwaTest, RoomBesideAnObstacleChangesSmoothly) {
+  context_.d = -1.0;
+  context_.heading_error = 0.3;
+  double before = 0.0;
+  for (double gap = 3.0; gap < 9.0; gap += 0.1) {
+    scratch_->view = PathView(ViewHorizon(10.0));
+    AddObstacle(gap, -3.0, 0.0, 1.3);
+    RollOutCourses(params_.driving, scratch_->view, context_, 1, &scratch_->courses);
+    LimitCourseSpeeds(params_, scratch_->view, context_, &scratch_->courses);
+    const double room = scratch_->courses.clearance[0];
+    if (gap > 3.0) {
+      EXPECT_LT(std::abs(room - before), 0.06) << gap;
+    }
+    before = room;
+  }
+}
+
 // Cars at our speed on both sides come nearer whatever we do: braking would only lose the place. The speed
 // goes on, the course is held.
 TEST_F(DwaTest, SqueezedFromBothSidesItDoesNotBrakeInVain) {

@@ -213,6 +213,30 @@ TEST(BendView, ANeighborThatKeepsItsLaneNeitherDriftsNorWidens) {
   EXPECT_LT(view.obstacles[0].half_width, 0.5 * vehicle.width + 0.3);
 }
 
+// A bus of 12 m on the same circle, beside a car: the middle of its chord lies (L / 2)^2 / (2 R) = 0.78 m
+// nearer to the centre than its ends, and so does its left side.
+TEST(BendView, ABusReachesIntoTheInsideOfTheBend) {
+  constexpr double kRadius = 23.2;
+  const RoadNetwork network = BendNet(20.0, 1.5);
+  Scene scene(network);
+  scene.Add({"bend"}, 0, 12.0, 6.0);
+  scene.Add({"bend"}, 0, 20.0, 6.0);
+  Traffic& traffic = scene.traffic();
+  VehicleParams& bus = traffic.params[1];
+  bus.length = 12.0;
+  bus.width = 2.5;
+  traffic.now.d[1] = -3.2;
+  traffic.now.heading_error[1] = -6.0 / kRadius;  // Both its ends are on the circle.
+  RoadView view;
+  const World world = scene.Look();
+  SenseRoad(world, 0, LookAhead(world, 0, 60.0), 30.0, true, &view);
+  ASSERT_EQ(view.obstacle_count, 1);
+  const Obstacle& o = view.obstacles[0];
+  EXPECT_FALSE(o.parallel);
+  EXPECT_NEAR(o.d + o.half_width, -3.2 + 6.0 * 6.0 / (2.0 * kRadius) + 1.25, 0.15);
+  EXPECT_NEAR(o.d - o.half_width, -3.2 - 1.25, 0.15);
+}
+
 // A car that stands across our way on another road is forgiven only while we creep, and only after patience.
 TEST_F(ChainView, WhoHasWaitedLongCreepsByWhatStandsOnAnotherRoad) {
   scene_.Add({"e0", "e1"}, 0, 50.0, 0.0);
