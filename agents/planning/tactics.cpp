@@ -130,8 +130,11 @@ bool GapAccepted(const Ego& ego, const Leader& ahead, const Leader& behind, doub
   const double decel = p.safe_decel + 1.5 * urgency;
   // Who stands behind has stopped to let the ego in, or will see it: any room is enough.
   const double min_behind = behind.speed < kCrawlSpeed ? kStandingGap : p.min_gap;
+  // Who stands needs room to steer over, or stands across two lanes until the one ahead drives on.
+  const bool both_stand = ego.speed < kCrawlSpeed && ahead.speed < kCrawlSpeed;
+  const double min_ahead = both_stand ? kTurnOutRoom : urgency > 0.0 ? kStandingGap : p.min_gap;
   if (ahead.row != kNone &&
-      (ahead.gap < (urgency > 0.0 ? kStandingGap : p.min_gap) ||
+      (ahead.gap < min_ahead ||
        ego.speed > SafeSpeed(ahead.gap - kStandingGap, ahead.speed, decel, reaction) + 0.3)) {
     return false;
   }

@@ -244,6 +244,20 @@ TEST_F(TacticsTest, AChangeNeedsRoomToTurnOut) {
   EXPECT_EQ(scene_.Decide(0).lane_change, 1);
 }
 
+// Nor into a gap that is as long as the car: from standing it could not steer over, and would block both lanes
+// until the one ahead drives on. When that does, the gap will do.
+TEST_F(TacticsTest, WhoStandsNeedsRoomToSteerOver) {
+  scene_.Add({"a", "b"}, 0, 350.0, 0.0);
+  scene_.Add({"a", "b"}, 1, 350.0 + 5.0 + 1.0, 0.0);
+  EXPECT_EQ(scene_.Decide(0).lane_change, 0);
+  EXPECT_TRUE(scene_.Decide(0).urgent);
+  scene_.traffic().now.speed[1] = 3.0;
+  EXPECT_EQ(scene_.Decide(0).lane_change, 1);
+  scene_.traffic().now.speed[1] = 0.0;
+  scene_.traffic().now.s[1] += 5.0;
+  EXPECT_EQ(scene_.Decide(0).lane_change, 1);
+}
+
 /// Edge "a": its left lane begins 20 m further back; both count 300 m.
 RoadNetwork SkewNet() {
   return LoadNetText(R"(<net version="1.9">
