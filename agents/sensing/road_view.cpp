@@ -357,18 +357,20 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
           obstacle.forgiven = waited > kLongPatience ? kWholly : kReach;
       } else if (IsOnOtherRoad(world, ego, row, way)) {
         // Who stands in the junction, on another way through it, may reach a little into ours. Where that
-        // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder. Who
-        // waits for a signal, or for others than us, will go.
+        // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder; who is
+        // inside goes first, if it can. Who waits for a signal, or for others than us, will go.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
         const bool waits_inside = stands && IsInJunction(world, row);
         const Connection* way_out = WayOut(world, row);
         const bool has_signal = way_out != nullptr && way_out->signal != kNone;
         const bool waits_for_others =
             way_out != nullptr && !has_signal && MustYield(*way_out) && !MeetsUsAhead(world, row, way);
-        const bool waits_for_us =
-            (elder && speed < kCreeping && !has_signal && !waits_for_others) ||
-            (stands && world.traffic->now.waited[ego] > (waits_for_others ? kOthersPatience : kPatience));
-        if (creeping && (waits_inside || waits_for_us)) {
+        const float patience = waits_for_others ? kOthersPatience : kPatience;
+        const bool waits_for_us = waits_inside
+                                      ? world.traffic->now.waited[row] > kPatience
+                                      : (elder && speed < kCreeping && !has_signal && !waits_for_others) ||
+                                            (stands && world.traffic->now.waited[ego] > patience);
+        if (creeping && waits_for_us) {
           obstacle.forgiven = kWholly;
         } else if (waits_inside) {
           obstacle.forgiven = kALittle;

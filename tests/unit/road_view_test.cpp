@@ -288,6 +288,29 @@ TEST(CrossView, WhoYieldsToOthersIsNotCreptThroughForLong) {
   EXPECT_GT(forgiven("m", 91.0f), 100.0f);
 }
 
+// Inside a junction it may reach a little into our way, and goes first, however long we have waited before
+// it; only when it is stuck there itself do we creep by.
+TEST(CrossView, WhoStandsInAJunctionIsGivenTimeToLeaveIt) {
+  RoadNetwork network =
+      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "46,-50 46,55"}}, "");
+  network.lanes[1].internal = true;
+  Scene scene(network);
+  scene.Add({"a"}, 0, 40.0, 0.0);
+  scene.Add({"b"}, 0, 52.0, 0.0);
+  Traffic& traffic = scene.traffic();
+  traffic.now.waited[0] = 50.0f;
+  RoadView view;
+  const auto forgiven = [&] {
+    const World world = scene.Look();
+    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, true, &view);
+    return view.obstacle_count == 1 ? view.obstacles[0].forgiven : -1.0f;
+  };
+  traffic.now.waited[1] = 11.0f;
+  EXPECT_NEAR(forgiven(), 0.6f, 1e-6f);
+  traffic.now.waited[1] = 13.0f;
+  EXPECT_GT(forgiven(), 100.0f);
+}
+
 // Its tangent points across our path; its lane bends and passes us 3.2 m to the left.
 TEST(BendView, WhoComesTowardsUsFollowsItsLane) {
   const RoadNetwork network =
