@@ -34,6 +34,12 @@ constexpr float kPersonNear = 3.0f;
 
 /// [m] ahead within which what stands in its course holds a standing vehicle.
 constexpr float kHeldWithin = 10.0f;
+/// [m] to a corner beside its front, likewise.
+constexpr float kNearBeside = 0.3f;
+/// [s] after which one that stands too near to another to steer as it wants turns its wheels away.
+constexpr float kWedgedTime = 8.0f;
+/// [s] after which one that finds no gap opens a circle of vehicles that wait for each other.
+constexpr float kCirclePatience = 10.0f;
 
 /// A turning body sweeps more than its lane. Past a person beside it a driver swings wide.
 void SwingForPersons(const Traffic& traffic, const RoadView& view, PlanContext* context) {
@@ -46,6 +52,52 @@ void SwingForPersons(const Traffic& traffic, const RoadView& view, PlanContext* 
       context->corridor_min = std::min(context->corridor_min, -kSwing);
     }
   }
+}
+
+/// The steering angle [rad] after a step of who would touch something as it steers, `wanted`: towards wheels
+/// that are straight, or turned all the way, and with which it can drive on.
+template <class MustBrake>
+double TurnAway(const VehicleParams& vehicle, double angle, double wanted, double dt,
+                const MustBrake& must_brake) {
+  for (const double target : {0.0, vehicle.max_steering_angle, -vehicle.max_steering_angle}) {
+    if (must_brake(target)) continue;
+    const double step = vehicle.max_steering_rate * dt;
+    return std::clamp(target, angle - step, angle + step);
+  }
+  return wanted;
+}
+
+/// The nearest of those that begin before the ego's front and end past it, close beside it; kNone: nobody
+/// does.
+AgentIndex CornerBeside(const RoadView& view, float d, float half_width) {
+  AgentIndex nearest = kNone;
+  float least = kNearBeside;
+  for (int m = 0; m < view.obstacle_count; ++m) {
+    const Obstacle& o = view.obstacles[m];
+    const float gap = std::abs(o.d - d) - o.half_width - half_width;
+    if (o.forgiven > 0.0f || o.s - o.half_length > 0.0f || o.s + o.half_length < 0.0f || gap >= least)
+      continue;
+    nearest = o.row;
+    least = gap;
+  }
+  return nearest;
+}
+
+/// The vehicle whose body in the ego's course holds it, standing; kNone: none does.
+/// @param agents_rule whether the agents answer for the rules. Where SUMO does, only those count that are on
+/// another road, and until they have left the course: SUMO is told that the ego lets them go.
+AgentIndex HolderOf(const World& world, AgentIndex ego, const PlanScratch& scratch, bool agents_rule) {
+  const Traffic& traffic = *world.traffic;
+  const Motion& now = traffic.now;
+  if (now.speed[ego] >= kWalkingSpeed) return kNone;
+  AgentIndex holder = scratch.courses.leader_gap < kHeldWithin ? scratch.courses.leader_row : kNone;
+  if (holder == kNone && !agents_rule)
+    holder = CornerBeside(scratch.view, static_cast<float>(now.d[ego]),
+                          static_cast<float>(0.5 * traffic.params[ego].width));
+  if (holder == kNone || holder >= static_cast<AgentIndex>(traffic.vehicle_count)) return kNone;
+  if (!agents_rule && now.rule[ego].waits_for == traffic.number[holder]) return holder;
+  const bool both_stand = now.speed[ego] < kStandingSpeed && now.speed[holder] < kStandingSpeed;
+  return both_stand && (agents_rule || IsOnOtherRoad(world, ego, holder, scratch.way)) ? holder : kNone;
 }
 
 /// Speed [m/s] the ego wants without other traffic: limits, bends and speed limits ahead.
@@ -221,7 +273,8 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   const Leader leader = FindLeader(world, i, way);
 
   // Decide.
-  const Tactics tactics = DecideTactics(world, params_, i, way, leader);
+  const bool in_circle = rules_ && now.waited[i] > kCirclePatience && rules_->IsInCircle(world, i);
+  const Tactics tactics = DecideTactics(world, params_, i, way, leader, in_circle);
 
   const Cruise cruise = DecideCruise(world, params_.v2x, i, leader, tactics, dt);
 
@@ -276,7 +329,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
 
   // Control.
   next.steering_pid[i] = now.steering_pid[i];
-  const double steering =
+  double steering =
       avoided.steers ? SteerCourse(vehicle, avoided.course, now.heading_error[i], now.steering_angle[i], dt)
                      : ControlSteering(params_, vehicle, plan.target_d - now.d[i], now.heading_error[i],
                                        speed, now.steering_angle[i], dt, &next.steering_pid[i]);
@@ -290,9 +343,13 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
       (plan.status == PlanStatus::kNoFeasibleCommand &&
        speed > SafeSpeed(leader_gap - 0.3, leader_speed, vehicle.emergency_decel - 1.0, 0.25));
   double accel = control_speed(emergency);
-  if (!queued && !avoided.steers && !emergency &&
-      MustBrakeNow(world, i, leader.row, scratch->view, steering, std::max(0.0, speed + accel * dt), dt)) {
-    accel = control_speed(true);
+  const auto must_brake = [&](double angle) {
+    return MustBrakeNow(world, i, leader.row, scratch->view, angle, std::max(0.0, speed + accel * dt), dt);
+  };
+  if (!queued && !avoided.steers && !emergency && must_brake(steering)) {
+    if (speed < kSteersFrom && now.waited[i] > kWedgedTime)
+      steering = TurnAway(vehicle, now.steering_angle[i], steering, dt, must_brake);
+    if (must_brake(steering)) accel = control_speed(true);
   }
 
   // Integrate.
@@ -324,12 +381,12 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
                                     : (speed < kWalkingSpeed ? now.refused[i] : 0.0f);
   next.yielded_to[i] = tactics.yielded_to;
   // Who waits for whom, also where it is the body of one on another way that is in the course.
-  const AgentIndex holder = scratch->courses.leader_row;
-  if (rules_ && !queued && !avoided.steers && speed < kStandingSpeed && rule.state.waits_for == kNone &&
-      holder != kNone && holder < static_cast<AgentIndex>(traffic->vehicle_count) &&
-      scratch->courses.leader_gap < kHeldWithin && now.speed[holder] < kStandingSpeed) {
-    rule.state.waits_for = traffic->number[holder];
+  if (!queued && !avoided.steers && rule.state.waits_for == kNone) {
+    const AgentIndex holder = HolderOf(world, i, *scratch, rules_ != nullptr);
+    if (holder != kNone) rule.state.waits_for = traffic->number[holder];
   }
+  if (rules_ && rule.state.waits_for == kNone && speed < kStandingSpeed)
+    rule.state.waits_for = tactics.held_by;
   next.rule[i] = rule.state;
 
   commands->lane_speed[i] = lane_distance / dt;

@@ -14,6 +14,8 @@ namespace {
 constexpr double kManoeuvring = 6.0, kWalking = 2.0;
 /// [m] between the poses that are checked, and the room that must be left.
 constexpr double kStride = 0.2, kRoom = 0.02;
+/// [m] of it that is left when patience is at its end: the ego's way is not quite the arc.
+constexpr double kLeastRoom = 0.001;
 /// [m] before what it would touch the ego stops: nearer it could not turn away any more.
 constexpr double kRoomToTurn = 1.0;
 /// [s] of waiting after which the ego uses the last bit of room beside a vehicle, which may be waiting for
@@ -54,7 +56,7 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
     Footprint body = FootprintOf(traffic, ego), other = FootprintOf(traffic, o.row);
     const double depth_now = PenetrationDepth(body, other);
     if (depth_now > 0.0) continue;  // Braking does not part them.
-    const double room = !with_room || depth_now > -kRoom ? 0.0 : kRoom;
+    const double room = !with_room || depth_now > -kRoom ? std::min(kLeastRoom, -depth_now) : kRoom;
     const int strides = 1 + static_cast<int>(distance / kStride);
     const double stride = distance / strides, its_stride = its_speed * stride / std::max(speed, 0.1);
     for (int k = 0; k < strides; ++k) {

@@ -455,6 +455,8 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
       Join(ego, neighbor, needed.side, tactics);
       return;
     }
+    const Leader& holder = beside.ahead.gap < ego.vehicle.min_gap ? beside.ahead : beside.behind;
+    if (holder.row != kNone) tactics->held_by = ego.world.traffic->number[holder.row];
     // Before a red light nobody is held up.
     const bool moves = (beside.ahead.row != kNone && beside.ahead.speed > kWalkingSpeed) ||
                        (beside.behind.row != kNone && beside.behind.speed > kWalkingSpeed);
@@ -494,7 +496,7 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
 }  // namespace
 
 Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex row, const WayAhead& way,
-                      const Leader& leader) {
+                      const Leader& leader, bool in_circle) {
   const Traffic& traffic = *world.traffic;
   const Lane& lane = world.network->lanes[traffic.now.lane[row]];
   const Ego ego{world,
@@ -533,7 +535,7 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
   if (tactics.lane_change == 0) LetIn(ego, way, leader, &tactics);
   if (!way.leads_on) {
     // Who gets no gap does not stand in the way of those behind for long.
-    const bool stuck = traffic.now.waited[row] > kStuck && leader.gap > way.length;
+    const bool stuck = (traffic.now.waited[row] > kStuck || in_circle) && leader.gap > way.length;
     tactics.leaves_route =
         params.lane_change.max_detour > 0.0 && tactics.lane_change == 0 && ego.speed < kLastChanceSpeed &&
         (way.length < kLastChance || stuck || traffic.now.refused[row] > params.lane_change.patience);

@@ -19,11 +19,13 @@ struct Tactics {
   /// Takes the way its lane leads, for want of the lane change its route needs.
   bool leaves_route{false};
   std::int32_t yielded_to{kNone};
+  std::int32_t held_by{kNone};  ///< Number of the vehicle beside which there is no gap for a needed change.
 };
 
 /// Lane choice along the route (needed changes first, then MOBIL, Kesting et al. 2007), gap acceptance,
 /// letting others in, and passing what stands in the lane with hazard lights.
+/// @param in_circle the ego is one of a circle of vehicles that stand for each other.
 Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex ego, const WayAhead& way,
-                      const Leader& leader);
+                      const Leader& leader, bool in_circle);
 
 }  // namespace lanewise

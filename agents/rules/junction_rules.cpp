@@ -33,7 +33,7 @@ constexpr double kBehindGap = 0.3;
 /// [m] kept behind who is let go first where ways merge.
 constexpr double kMergeGap = 1.0;
 /// [s] for which whoever moves behind the junction will make room; [m/s] faster than which it is no queue.
-constexpr double kExitForesight = 1.5, kQueueSpeed = 5.0;
+constexpr double kExitForesight = 1.5, kQueueSpeed = 1.0;
 /// [s] of standing after which a circle of vehicles that wait for each other is broken: first rights of way,
 /// then room behind the junction no longer count.
 constexpr float kYieldPatience = 1.5f, kRoomPatience = 20.0f;
@@ -464,6 +464,10 @@ bool JunctionRules::WaitsFor(const World& world, AgentIndex row, AgentIndex whom
     row = RowOf(world.traffic->now.rule[row].waits_for);
   }
   return false;
+}
+
+bool JunctionRules::IsInCircle(const World& world, AgentIndex ego) const {
+  return WaitsFor(world, RowOf(world.traffic->now.rule[ego].waits_for), ego);
 }
 
 /// If the ego is in a circle of standing vehicles that wait for each other and its turn it is: how far the

@@ -51,6 +51,9 @@ class JunctionRules {
   RuleAnswer Decide(const World& world, AgentIndex ego, const WayAhead& way, const Leader& leader,
                     double dt) const;
 
+  /// Does the ego wait, by way of others, for itself?
+  bool IsInCircle(const World& world, AgentIndex ego) const;
+
   const JunctionMap& map() const { return map_; }
   /// Has the agents keep to the turns these coordinators give them from now on.
   void CoordinateBy(const JunctionSlots* slots) { slots_ = slots; }

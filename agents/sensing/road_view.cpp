@@ -14,12 +14,16 @@ constexpr double kStanding = 0.1, kCreeping = 0.5;
 /// [s] of waiting after which what stands on another road is crept by: it waits for us; or, at the yield
 /// line of a junction that is none of ours, for others, and will go.
 constexpr float kPatience = 12.0f, kOthersPatience = 90.0f;
+/// [s] for which one that stands in a junction is let go before it is crept by.
+constexpr float kTimeToGo = 4.0f;
 /// [s] likewise, persons at the kerb of a turn: by who reaches a little into the way, and by anybody.
 constexpr float kPersonPatience = 8.0f, kLongPatience = 25.0f;
 /// Cosine of the angle to the path from which a road user goes along it.
 constexpr float kGoesAlong = 0.6f;
 /// [s] for which a vehicle's lateral motion is taken to last.
 constexpr float kDriftTime = 1.0f;
+/// [m/s^2] and [s]: who brakes by more and stands within this time is taken to be where it will stand.
+constexpr double kBrakes = 1.0, kStopsSoon = 2.0;
 /// [s] likewise, a corner in the way of one that stands too near to turn away from it.
 constexpr float kWedged = 100.0f;
 /// [m] of overlap forgiven.
@@ -198,6 +202,20 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   return obstacle;
 }
 
+/// [m] until it stands; 0: it stands, or it will not soon.
+double StopsWithin(const Motion& now, AgentIndex row) {
+  const double speed = now.speed[row], decel = -now.accel[row];
+  return decel > kBrakes && speed < kStopsSoon * decel ? speed * speed / (2.0 * decel) : 0.0;
+}
+
+/// Moves an obstacle on to where it will stand.
+void LetStop(double distance, double speed, Obstacle* obstacle) {
+  const float time = static_cast<float>(distance / speed);
+  obstacle->s += time * obstacle->speed_s;
+  obstacle->d += time * obstacle->speed_d;
+  obstacle->speed_s = obstacle->speed_d = 0.0f;
+}
+
 bool IsInJunction(const World& world, AgentIndex row) {
   const LaneIndex lane = world.traffic->now.lane[row];
   return lane != kNone && world.network->lanes[lane].internal;
@@ -218,20 +236,6 @@ bool TailIsOn(const World& world, AgentIndex row, EdgeIndex edge) {
   const auto position = static_cast<std::size_t>(traffic.route_position[row]);
   return traffic.now.s[row] < traffic.params[row].length && position > 0 && position <= route.size() &&
          route[position - 1] == edge;
-}
-
-/// Neither on a road of the ego's way nor, in a junction, come from there.
-bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
-  const RoadNetwork& network = *world.network;
-  const LaneIndex lane = world.traffic->now.lane[row];
-  if (lane == kNone) return false;
-  const LaneIndex before = LaneBefore(network, lane);
-  if (TailIsOn(world, row, network.lanes[way.lanes[0].lane].edge)) return false;
-  const bool same_road =
-      std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& ahead) {
-        return network.lanes[ahead.lane].edge == network.lanes[lane].edge || ahead.lane == before;
-      });
-  return !same_road && before != LaneBefore(network, world.traffic->now.lane[ego]);
 }
 
 /// Is it on a road of the ego's way, or on a link beside the ego's own?
@@ -322,6 +326,19 @@ Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, do
   return follower;
 }
 
+bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
+  const RoadNetwork& network = *world.network;
+  const LaneIndex lane = world.traffic->now.lane[row];
+  if (lane == kNone) return false;
+  const LaneIndex before = LaneBefore(network, lane);
+  if (TailIsOn(world, row, network.lanes[way.lanes[0].lane].edge)) return false;
+  const bool same_road =
+      std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& ahead) {
+        return network.lanes[ahead.lane].edge == network.lanes[lane].edge || ahead.lane == before;
+      });
+  return !same_road && before != LaneBefore(network, world.traffic->now.lane[ego]);
+}
+
 void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic,
                RoadView* view) {
   SamplePath(world, way, horizon, view);
@@ -346,9 +363,16 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
                         world.traffic->params[row].length < kLongBody && IsParallel(world, row, way);
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
-      const bool stands = speed < kStanding;
-      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it.
-      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands) return;
+      bool stands = speed < kStanding;
+      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it, and whom
+      // we let go is until it has gone.
+      const bool let_go = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
+      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !let_go) {
+        const double stop = StopsWithin(world.traffic->now, row);
+        if (stop == 0.0) return;
+        LetStop(stop, speed, &obstacle);
+        stands = true;
+      }
       const bool creeping = world.traffic->now.speed[ego] < kWalkingSpeed;
       if (person) {
         // Whoever still stands there after a while waits for us to go.
@@ -360,16 +384,19 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         // would block us the shapes of the lanes overlap: we creep by, of two outside it the elder; who is
         // inside goes first, if it can. Who waits for a signal, or for others than us, will go.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
+        const float own_wait = world.traffic->now.waited[ego], its_wait = world.traffic->now.waited[row];
+        const bool waits_for_ego = !world.traffic->driven[row] ||
+                                   world.traffic->now.rule[row].waits_for == world.traffic->number[ego];
         const bool waits_inside = stands && IsInJunction(world, row);
         const Connection* way_out = WayOut(world, row);
         const bool has_signal = way_out != nullptr && way_out->signal != kNone;
         const bool waits_for_others =
             way_out != nullptr && !has_signal && MustYield(*way_out) && !MeetsUsAhead(world, row, way);
         const float patience = waits_for_others ? kOthersPatience : kPatience;
-        const bool waits_for_us = waits_inside
-                                      ? world.traffic->now.waited[row] > kPatience
-                                      : (elder && speed < kCreeping && !has_signal && !waits_for_others) ||
-                                            (stands && world.traffic->now.waited[ego] > patience);
+        const bool waits_for_us = waits_inside ? its_wait > kPatience && own_wait > kTimeToGo
+                                               : (elder && speed < kCreeping && !has_signal &&
+                                                  !waits_for_others && waits_for_ego) ||
+                                                     (stands && own_wait > patience);
         if (creeping && waits_for_us) {
           obstacle.forgiven = kWholly;
         } else if (waits_inside) {

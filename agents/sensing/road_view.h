@@ -105,6 +105,9 @@ struct RoadView {
   int obstacle_count{0};
 };
 
+/// Is this road user neither on a road of the ego's way nor, in a junction, come from there?
+bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way);
+
 /// [m/s] up to which a vehicle may feel its way past others.
 inline constexpr double kWalkingSpeed = 1.5;
 

@@ -36,10 +36,10 @@ class Scene {
     return {&network_, &curves_, &traffic(), &occupancy_, &grid_, center_x_, center_y_};
   }
 
-  Tactics Decide(AgentIndex ego, const AgentParams& params = {}) {
+  Tactics Decide(AgentIndex ego, const AgentParams& params = {}, bool in_circle = false) {
     const World world = Look();
     const WayAhead way = LookAhead(world, ego, 100.0);
-    return DecideTactics(world, params, ego, way, FindLeader(world, ego, way));
+    return DecideTactics(world, params, ego, way, FindLeader(world, ego, way), in_circle);
   }
 
  private:

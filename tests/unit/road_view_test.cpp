@@ -363,6 +363,50 @@ TEST_F(ChainView, CrossingTrafficOnlyWhenAskedFor) {
   EXPECT_EQ(view.obstacle_count, 0);
 }
 
+// One that brakes on a crossing way will stand after 5 m, its front 1 m past our path's middle.
+TEST(CrossView, WhoBrakesAcrossOurWayIsWhereItWillStand) {
+  const RoadNetwork network =
+      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
+  Scene scene(network);
+  scene.Add({"a"}, 0, 40.0, 5.0);
+  scene.Add({"b"}, 0, 46.0, 6.0);
+  Traffic& traffic = scene.traffic();
+  RoadView view;
+  const auto look = [&] {
+    const World world = scene.Look();
+    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view);
+  };
+  look();
+  EXPECT_EQ(view.obstacle_count, 0);  // SUMO decides who goes first.
+  traffic.now.accel[1] = -3.6;        // 6^2 / (2 * 3.6) = 5 m.
+  look();
+  ASSERT_EQ(view.obstacle_count, 1);
+  const Obstacle& it = view.obstacles[0];
+  EXPECT_NEAR(it.d + it.half_width, 1.0, 0.01);
+  EXPECT_EQ(it.speed_d, 0.0f);
+  traffic.now.accel[1] = -2.0;  // It would stand in 3 s: much may change until then.
+  look();
+  EXPECT_EQ(view.obstacle_count, 0);
+}
+
+// Whom we let go is in our way until it has gone.
+TEST(CrossView, WhoIsLetGoIsSeenWhileItMoves) {
+  const RoadNetwork network =
+      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
+  Scene scene(network);
+  scene.Add({"a"}, 0, 40.0, 0.0);
+  scene.Add({"b"}, 0, 52.0, 1.0);
+  RoadView view;
+  const auto count = [&] {
+    const World world = scene.Look();
+    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view);
+    return view.obstacle_count;
+  };
+  EXPECT_EQ(count(), 0);
+  scene.traffic().now.rule[0].waits_for = scene.traffic().number[1];
+  EXPECT_EQ(count(), 1);
+}
+
 TEST_F(ChainView, TheNearestObstaclesAreKept) {
   scene_.Add({"e0", "e1", "e2"}, 0, 10.0, 10.0);
   for (int k = 0; k < 2 * kMaxObstacles; ++k) {

@@ -120,6 +120,20 @@ TEST_F(TacticsTest, WhoIsStuckForLongLeavesItsRoute) {
   EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
 }
 
+// Where the circle is seen, at once.
+TEST_F(TacticsTest, WhoClosesACircleLeavesItsRoute) {
+  scene_.Add({"a", "b"}, 0, 385.0, 0.0);
+  scene_.Add({"a", "b"}, 1, 384.0, 0.0);
+  AgentParams params;
+  params.lane_change.max_detour = 300.0;
+  EXPECT_EQ(scene_.Decide(0, params).held_by, scene_.traffic().number[1]);
+  EXPECT_FALSE(scene_.Decide(0, params).leaves_route);
+  EXPECT_TRUE(scene_.Decide(0, params, /*in_circle=*/true).leaves_route);
+  scene_.traffic().now.s[1] = 300.0;  // It has a gap.
+  EXPECT_EQ(scene_.Decide(0, params, true).held_by, kNone);
+  EXPECT_FALSE(scene_.Decide(0, params, true).leaves_route);
+}
+
 // 20 m before the fork (only near the lane's end does one let in).
 // We are on the left lane; the car 15 m ahead on the right lane must come over and says so. We let it in:
 // braking no harder than cooperation_decel.
@@ -244,8 +258,8 @@ TEST_F(TacticsTest, AChangeNeedsRoomToTurnOut) {
   EXPECT_EQ(scene_.Decide(0).lane_change, 1);
 }
 
-// Nor into a gap that is as long as the car: from standing it could not steer over, and would block both lanes
-// until the one ahead drives on. When that does, the gap will do.
+// Nor into a gap that is as long as the car: from standing it could not steer over, and would block both
+// lanes until the one ahead drives on. When that does, the gap will do.
 TEST_F(TacticsTest, WhoStandsNeedsRoomToSteerOver) {
   scene_.Add({"a", "b"}, 0, 350.0, 0.0);
   scene_.Add({"a", "b"}, 1, 350.0 + 5.0 + 1.0, 0.0);
