@@ -34,8 +34,6 @@ constexpr float kPersonNear = 3.0f;
 
 /// [m] ahead within which what stands in its course holds a standing vehicle.
 constexpr float kHeldWithin = 10.0f;
-/// [m] to a corner beside its front, likewise.
-constexpr float kNearBeside = 0.3f;
 /// [s] after which one that stands too near to another to steer as it wants turns its wheels away.
 constexpr float kWedgedTime = 8.0f;
 /// [s] after which one that finds no gap opens a circle of vehicles that wait for each other.
@@ -65,39 +63,6 @@ double TurnAway(const VehicleParams& vehicle, double angle, double wanted, doubl
     return std::clamp(target, angle - step, angle + step);
   }
   return wanted;
-}
-
-/// The nearest of those that begin before the ego's front and end past it, close beside it; kNone: nobody
-/// does.
-AgentIndex CornerBeside(const RoadView& view, float d, float half_width) {
-  AgentIndex nearest = kNone;
-  float least = kNearBeside;
-  for (int m = 0; m < view.obstacle_count; ++m) {
-    const Obstacle& o = view.obstacles[m];
-    const float gap = std::abs(o.d - d) - o.half_width - half_width;
-    if (o.forgiven > 0.0f || o.s - o.half_length > 0.0f || o.s + o.half_length < 0.0f || gap >= least)
-      continue;
-    nearest = o.row;
-    least = gap;
-  }
-  return nearest;
-}
-
-/// The vehicle whose body in the ego's course holds it, standing; kNone: none does.
-/// @param agents_rule whether the agents answer for the rules. Where SUMO does, only those count that are on
-/// another road, and until they have left the course: SUMO is told that the ego lets them go.
-AgentIndex HolderOf(const World& world, AgentIndex ego, const PlanScratch& scratch, bool agents_rule) {
-  const Traffic& traffic = *world.traffic;
-  const Motion& now = traffic.now;
-  if (now.speed[ego] >= kWalkingSpeed) return kNone;
-  AgentIndex holder = scratch.courses.leader_gap < kHeldWithin ? scratch.courses.leader_row : kNone;
-  if (holder == kNone && !agents_rule)
-    holder = CornerBeside(scratch.view, static_cast<float>(now.d[ego]),
-                          static_cast<float>(0.5 * traffic.params[ego].width));
-  if (holder == kNone || holder >= static_cast<AgentIndex>(traffic.vehicle_count)) return kNone;
-  if (!agents_rule && now.rule[ego].waits_for == traffic.number[holder]) return holder;
-  const bool both_stand = now.speed[ego] < kStandingSpeed && now.speed[holder] < kStandingSpeed;
-  return both_stand && (agents_rule || IsOnOtherRoad(world, ego, holder, scratch.way)) ? holder : kNone;
 }
 
 /// Speed [m/s] the ego wants without other traffic: limits, bends and speed limits ahead.
@@ -245,7 +210,8 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   grid_.Build(center_x_, center_y_);
   occupancy_.Build(*traffic);
   avoider_.BeginStep(*traffic);
-  const World world{&network_, &curves_, traffic, &occupancy_, &grid_, center_x_, center_y_, &channel_};
+  const World world{&network_, &curves_,  traffic,   &occupancy_,      &grid_,
+                    center_x_, center_y_, &channel_, rules_ != nullptr};
   if (rules_) rules_->Build(world);
   commands->Resize(n);
   channel_.Exchange(dt, *traffic);
@@ -380,13 +346,14 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.refused[i] = tactics.refused ? now.refused[i] + static_cast<float>(dt)
                                     : (speed < kWalkingSpeed ? now.refused[i] : 0.0f);
   next.yielded_to[i] = tactics.yielded_to;
-  // Who waits for whom, also where it is the body of one on another way that is in the course.
-  if (!queued && !avoided.steers && rule.state.waits_for == kNone) {
-    const AgentIndex holder = HolderOf(world, i, *scratch, rules_ != nullptr);
-    if (holder != kNone) rule.state.waits_for = traffic->number[holder];
+  if (rules_ && speed < kStandingSpeed && rule.state.waits_for == kNone) {
+    // Who waits for whom, also where it is the body of one on another way that is in the course, or one
+    // beside that leaves no gap.
+    const AgentIndex holder = queued || avoided.steers ? kNone : scratch->courses.leader_row;
+    const bool held = holder != kNone && holder < static_cast<AgentIndex>(traffic->vehicle_count) &&
+                      scratch->courses.leader_gap < kHeldWithin && now.speed[holder] < kStandingSpeed;
+    rule.state.waits_for = held ? traffic->number[holder] : tactics.held_by;
   }
-  if (rules_ && rule.state.waits_for == kNone && speed < kStandingSpeed)
-    rule.state.waits_for = tactics.held_by;
   next.rule[i] = rule.state;
 
   commands->lane_speed[i] = lane_distance / dt;

@@ -30,8 +30,7 @@ struct RuleState {
   float at_line{0.0f};            ///< [s] since it halted there; 0: it has not.
   std::int32_t stop_link{kNone};  ///< Link at which it must stop, and where on it [m].
   float stop_at{0.0f};
-  /// Number of the vehicle it waits for; under SUMO's rules, which it lets go at a junction.
-  std::int32_t waits_for{kNone};
+  std::int32_t waits_for{kNone};  ///< Vehicle number.
   RuleReason reason{RuleReason::kGo};
   std::uint8_t forced{0};  ///< Its turn in a circle of waiting vehicles: rules that no longer bind it.
 };

@@ -655,28 +655,7 @@ void VehicleBridge::SetChecks(std::size_t row, bool on) {
   coupled_[row].checks_on = on;
 }
 
-void VehicleBridge::WriteCourtesies(const Traffic& traffic) {
-  waiting_.clear();
-  for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
-    const std::int32_t number = traffic.next.rule[row].waits_for;
-    if (traffic.driven[row] && number != kNone) waiting_.push_back({number, row});
-  }
-  std::sort(waiting_.begin(), waiting_.end());
-  for (std::size_t row = 0; row < traffic.vehicle_count; ++row) {
-    Coupled& coupled = coupled_[row];
-    auto waiting =
-        std::lower_bound(waiting_.begin(), waiting_.end(), std::pair{traffic.number[row], std::size_t{0}});
-    std::string let_go_by;
-    for (; waiting != waiting_.end() && waiting->first == traffic.number[row]; ++waiting)
-      let_go_by += records_[waiting->second].id + ' ';
-    if (let_go_by == coupled.let_go_by) continue;
-    SumoVehicle::setParameter(records_[row].id, "junctionModel.ignoreIDs", let_go_by);
-    coupled.let_go_by = std::move(let_go_by);
-  }
-}
-
 void VehicleBridge::Write(double dt, Traffic* traffic, const Commands& commands) {
-  if (rules_ == Rules::kSumo) WriteCourtesies(*traffic);
   for (std::size_t row = 0; row < traffic->vehicle_count; ++row) {
     if (!traffic->driven[row]) {
       coupled_[row].commanded = false;

@@ -115,7 +115,6 @@ class VehicleBridge {
     LaneIndex expected_lane{kNone};  // Where the command should lead.
     double expected_s{0.0};          // [m]
     double commanded_speed{0.0};     // [m/s]
-    std::string let_go_by;           // Ids of those that wait for it, as SUMO was told.
   };
 
   /// Notes since when vehicles wait for insertion: SUMO 1.15 does not tell it of those that were inserted.
@@ -134,9 +133,6 @@ class VehicleBridge {
   void Audit(std::size_t row, LaneIndex lane, double s, double speed, const Traffic& traffic);
   void Expect(std::size_t row, double speed, int change, double shift, double dt, const Traffic& traffic);
   void SetChecks(std::size_t row, bool on);
-  /// Who stands at a junction because another stands in its course lets that one go: SUMO, which would hold
-  /// both for each other, is told so.
-  void WriteCourtesies(const Traffic& traffic);
   /// The first lane on the way that does not lead along the route, if one is near.
   struct DeadEnd {
     LaneIndex lane{kNone};
@@ -164,11 +160,10 @@ class VehicleBridge {
   Rules rules_;
   std::vector<bool> lane_guarded_;  // By lane: a normal lane's way out, or an internal lane, has conflicts.
   std::int32_t next_number_{0};
-  std::vector<VehicleRecord> records_;                         // By row.
-  std::vector<Coupled> coupled_;                               // By row.
-  std::vector<std::pair<std::int32_t, std::size_t>> waiting_;  // Number waited for, row of who waits.
-  std::vector<EmissionRates> emissions_;                       // By row.
-  std::vector<std::uint8_t> guarded_;                          // By row.
+  std::vector<VehicleRecord> records_;    // By row.
+  std::vector<Coupled> coupled_;          // By row.
+  std::vector<EmissionRates> emissions_;  // By row.
+  std::vector<std::uint8_t> guarded_;     // By row.
   std::unordered_map<std::string, std::size_t> row_of_;
   std::vector<std::int32_t> new_vehicles_;
   std::vector<NewPerson> new_persons_;

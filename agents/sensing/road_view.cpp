@@ -238,6 +238,20 @@ bool TailIsOn(const World& world, AgentIndex row, EdgeIndex edge) {
          route[position - 1] == edge;
 }
 
+/// Neither on a road of the ego's way nor, in a junction, come from there.
+bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
+  const RoadNetwork& network = *world.network;
+  const LaneIndex lane = world.traffic->now.lane[row];
+  if (lane == kNone) return false;
+  const LaneIndex before = LaneBefore(network, lane);
+  if (TailIsOn(world, row, network.lanes[way.lanes[0].lane].edge)) return false;
+  const bool same_road =
+      std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& ahead) {
+        return network.lanes[ahead.lane].edge == network.lanes[lane].edge || ahead.lane == before;
+      });
+  return !same_road && before != LaneBefore(network, world.traffic->now.lane[ego]);
+}
+
 /// Is it on a road of the ego's way, or on a link beside the ego's own?
 bool IsParallel(const World& world, AgentIndex row, const WayAhead& way) {
   const RoadNetwork& network = *world.network;
@@ -326,19 +340,6 @@ Leader FindFollowerOnLane(const World& world, AgentIndex ego, LaneIndex lane, do
   return follower;
 }
 
-bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
-  const RoadNetwork& network = *world.network;
-  const LaneIndex lane = world.traffic->now.lane[row];
-  if (lane == kNone) return false;
-  const LaneIndex before = LaneBefore(network, lane);
-  if (TailIsOn(world, row, network.lanes[way.lanes[0].lane].edge)) return false;
-  const bool same_road =
-      std::any_of(way.lanes.begin(), way.lanes.begin() + way.count, [&](const LaneAhead& ahead) {
-        return network.lanes[ahead.lane].edge == network.lanes[lane].edge || ahead.lane == before;
-      });
-  return !same_road && before != LaneBefore(network, world.traffic->now.lane[ego]);
-}
-
 void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double horizon, bool crossing_traffic,
                RoadView* view) {
   SamplePath(world, way, horizon, view);
@@ -364,11 +365,11 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
       bool stands = speed < kStanding;
-      // SUMO decides who goes first; but what stands is in the way, outside the junction and in it, and whom
-      // we let go is until it has gone.
-      const bool let_go = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
-      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !let_go) {
-        const double stop = StopsWithin(world.traffic->now, row);
+      // SUMO, or the rules, decide who goes first; but what stands is in the way, outside the junction and in
+      // it, and whom we wait for is until it has gone.
+      const bool waited_for = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
+      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !waited_for) {
+        const double stop = world.waits_known ? StopsWithin(world.traffic->now, row) : 0.0;
         if (stop == 0.0) return;
         LetStop(stop, speed, &obstacle);
         stands = true;
@@ -385,7 +386,7 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         // inside goes first, if it can. Who waits for a signal, or for others than us, will go.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
         const float own_wait = world.traffic->now.waited[ego], its_wait = world.traffic->now.waited[row];
-        const bool waits_for_ego = !world.traffic->driven[row] ||
+        const bool waits_for_ego = !world.waits_known || !world.traffic->driven[row] ||
                                    world.traffic->now.rule[row].waits_for == world.traffic->number[ego];
         const bool waits_inside = stands && IsInJunction(world, row);
         const Connection* way_out = WayOut(world, row);
@@ -393,10 +394,11 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         const bool waits_for_others =
             way_out != nullptr && !has_signal && MustYield(*way_out) && !MeetsUsAhead(world, row, way);
         const float patience = waits_for_others ? kOthersPatience : kPatience;
-        const bool waits_for_us = waits_inside ? its_wait > kPatience && own_wait > kTimeToGo
-                                               : (elder && speed < kCreeping && !has_signal &&
-                                                  !waits_for_others && waits_for_ego) ||
-                                                     (stands && own_wait > patience);
+        const bool waits_for_us =
+            waits_inside
+                ? its_wait > kPatience && (own_wait > kTimeToGo || !world.waits_known)
+                : (elder && speed < kCreeping && !has_signal && !waits_for_others && waits_for_ego) ||
+                      (stands && own_wait > patience);
         if (creeping && waits_for_us) {
           obstacle.forgiven = kWholly;
         } else if (waits_inside) {

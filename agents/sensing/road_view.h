@@ -25,6 +25,9 @@ struct World {
   const SpatialGrid* grid;                     ///< Over the middles of all road users.
   std::span<const double> center_x, center_y;  ///< [m] by row.
   const Channel* channel{nullptr};             ///< What was told over the radio.
+  /// Do the agents answer for the rules, so that RuleState::waits_for tells of everyone who stands for
+  /// another?
+  bool waits_known{false};
 };
 
 /// One lane of the way ahead.
@@ -104,9 +107,6 @@ struct RoadView {
   std::array<Obstacle, kMaxObstacles> obstacles;
   int obstacle_count{0};
 };
-
-/// Is this road user neither on a road of the ego's way nor, in a junction, come from there?
-bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way);
 
 /// [m/s] up to which a vehicle may feel its way past others.
 inline constexpr double kWalkingSpeed = 1.5;

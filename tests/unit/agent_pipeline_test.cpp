@@ -9,7 +9,6 @@
 
 #include "agents/core/geometry.h"
 #include "agents/core/state_hash.h"
-#include "tests/support/crossing_net.h"
 #include "tests/support/fleet.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/small_nets.h"
@@ -229,32 +228,6 @@ TEST(AgentPipeline, PassesABrokenDownCar) {
     }
   }
   for (std::size_t i = 1; i < 5; ++i) EXPECT_GT(fleet.traffic.now.s[i], 320.0) << i;
-}
-
-// An elder car stands across our way on another road, or its front beside ours: under SUMO's rules we note
-// that it is let go, and until it has left our course.
-TEST(AgentPipeline, LetsGoWhoStandsInItsCourse) {
-  for (const auto& [ahead, left] : {std::pair{6.0, 1.0}, std::pair{-0.5, -1.0}}) {
-    const RoadNetwork network = CrossingNet("MMMM", {"", "", "", ""});
-    Fleet fleet(network);
-    const std::size_t other = fleet.Add({"s", "n_out"}, 0, kArm - 1.0, 0.0);
-    const std::size_t ego = fleet.Add({"w", "e_out"}, 0, kArm - 1.0, 0.0);
-    Traffic& traffic = fleet.traffic;
-    const auto place = [&](double y, double speed) {  // Its front, left of our path.
-      Place(&fleet, other, traffic.now.s[other], speed);
-      traffic.now.x[other] = traffic.now.x[ego] + ahead;
-      traffic.now.y[other] = traffic.now.y[ego] + y;
-    };
-    place(left, 0.0);
-    fleet.Step(kDt);
-    EXPECT_EQ(traffic.now.rule[ego].waits_for, traffic.number[other]) << ahead;
-    place(left, 1.0);
-    fleet.Step(kDt);
-    EXPECT_EQ(traffic.now.rule[ego].waits_for, traffic.number[other]) << ahead;
-    place(12.0, 1.0);
-    fleet.Step(kDt);
-    EXPECT_EQ(traffic.now.rule[ego].waits_for, kNone) << ahead;
-  }
 }
 
 // Its flank a centimetre from the corner of one that stands, it would turn into it; it turns away and drives

@@ -372,25 +372,31 @@ TEST(CrossView, WhoBrakesAcrossOurWayIsWhereItWillStand) {
   scene.Add({"b"}, 0, 46.0, 6.0);
   Traffic& traffic = scene.traffic();
   RoadView view;
+  bool agents_rule = true;
   const auto look = [&] {
-    const World world = scene.Look();
+    World world = scene.Look();
+    world.waits_known = agents_rule;
     SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view);
   };
   look();
-  EXPECT_EQ(view.obstacle_count, 0);  // SUMO decides who goes first.
+  EXPECT_EQ(view.obstacle_count, 0);  // The rules decide who goes first.
   traffic.now.accel[1] = -3.6;        // 6^2 / (2 * 3.6) = 5 m.
   look();
   ASSERT_EQ(view.obstacle_count, 1);
   const Obstacle& it = view.obstacles[0];
   EXPECT_NEAR(it.d + it.half_width, 1.0, 0.01);
   EXPECT_EQ(it.speed_d, 0.0f);
+  agents_rule = false;  // SUMO may let it go on.
+  look();
+  EXPECT_EQ(view.obstacle_count, 0);
+  agents_rule = true;
   traffic.now.accel[1] = -2.0;  // It would stand in 3 s: much may change until then.
   look();
   EXPECT_EQ(view.obstacle_count, 0);
 }
 
-// Whom we let go is in our way until it has gone.
-TEST(CrossView, WhoIsLetGoIsSeenWhileItMoves) {
+// Whom we wait for is in our way until it has gone.
+TEST(CrossView, WhoIsWaitedForIsSeenWhileItMoves) {
   const RoadNetwork network =
       PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
   Scene scene(network);
