@@ -535,7 +535,7 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
   if (tactics.lane_change == 0) LetIn(ego, way, leader, &tactics);
   if (!way.leads_on) {
     // Who gets no gap does not stand in the way of those behind for long.
-    const bool stuck = in_circle || (traffic.now.waited[row] > kStuck && leader.gap > way.length);
+    const bool stuck = (traffic.now.waited[row] > kStuck || in_circle) && leader.gap > way.length;
     tactics.leaves_route =
         params.lane_change.max_detour > 0.0 && tactics.lane_change == 0 && ego.speed < kLastChanceSpeed &&
         (way.length < kLastChance || stuck || traffic.now.refused[row] > params.lane_change.patience);

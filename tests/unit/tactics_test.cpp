@@ -133,8 +133,8 @@ TEST_F(TacticsTest, WhoClosesACircleLeavesItsRoute) {
   EXPECT_EQ(scene_.Decide(0, params, true).held_by, kNone);
   EXPECT_FALSE(scene_.Decide(0, params, true).leaves_route);
   scene_.traffic().now.s[1] = 384.0;
-  scene_.Add({"a", "b"}, 0, 392.0, 0.0);  // Behind another, too.
-  EXPECT_TRUE(scene_.Decide(0, params, true).leaves_route);
+  scene_.Add({"a", "b"}, 0, 392.0, 0.0);  // Behind another it waits for that one.
+  EXPECT_FALSE(scene_.Decide(0, params, true).leaves_route);
 }
 
 // 20 m before the fork (only near the lane's end does one let in).
