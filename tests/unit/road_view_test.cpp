@@ -363,54 +363,48 @@ TEST_F(ChainView, CrossingTrafficOnlyWhenAskedFor) {
   EXPECT_EQ(view.obstacle_count, 0);
 }
 
-// One that brakes on a crossing way will stand after 5 m, its front 1 m past our path's middle.
-TEST(CrossView, WhoBrakesAcrossOurWayIsWhereItWillStand) {
-  const RoadNetwork network =
-      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
-  Scene scene(network);
-  scene.Add({"a"}, 0, 40.0, 5.0);
-  scene.Add({"b"}, 0, 46.0, 6.0);
-  Traffic& traffic = scene.traffic();
-  RoadView view;
-  bool agents_rule = true;
-  const auto look = [&] {
-    World world = scene.Look();
+/// Row 0 on "a", its front at x = 40 of a straight path; row 1 on "b", which crosses it at x = 50. The rules
+/// decide who goes first: what crosses is left out.
+class GuardedCrossView : public testing::Test {
+ protected:
+  void Add(double speed, double other_s, double other_speed) {
+    scene_.Add({"a"}, 0, 40.0, speed);
+    scene_.Add({"b"}, 0, other_s, other_speed);
+  }
+  /// @return how many obstacles row 0 sees.
+  int Look(bool agents_rule) {
+    World world = scene_.Look();
     world.waits_known = agents_rule;
-    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view);
-  };
-  look();
-  EXPECT_EQ(view.obstacle_count, 0);  // The rules decide who goes first.
-  traffic.now.accel[1] = -3.6;        // 6^2 / (2 * 3.6) = 5 m.
-  look();
-  ASSERT_EQ(view.obstacle_count, 1);
-  const Obstacle& it = view.obstacles[0];
+    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view_);
+    return view_.obstacle_count;
+  }
+
+  RoadNetwork network_ =
+      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
+  Scene scene_{network_};
+  RoadView view_;
+};
+
+// It will stand after 5 m, its front 1 m past our path's middle.
+TEST_F(GuardedCrossView, WhoBrakesIsWhereItWillStand) {
+  Add(5.0, 46.0, 6.0);
+  EXPECT_EQ(Look(true), 0);
+  scene_.traffic().now.accel[1] = -3.6;  // 6^2 / (2 * 3.6) = 5 m.
+  ASSERT_EQ(Look(true), 1);
+  const Obstacle& it = view_.obstacles[0];
   EXPECT_NEAR(it.d + it.half_width, 1.0, 0.01);
   EXPECT_EQ(it.speed_d, 0.0f);
-  agents_rule = false;  // SUMO may let it go on.
-  look();
-  EXPECT_EQ(view.obstacle_count, 0);
-  agents_rule = true;
-  traffic.now.accel[1] = -2.0;  // It would stand in 3 s: much may change until then.
-  look();
-  EXPECT_EQ(view.obstacle_count, 0);
+  EXPECT_EQ(Look(false), 0);             // SUMO may let it go on.
+  scene_.traffic().now.accel[1] = -2.0;  // It would stand in 3 s: much may change until then.
+  EXPECT_EQ(Look(true), 0);
 }
 
 // Whom we wait for is in our way until it has gone.
-TEST(CrossView, WhoIsWaitedForIsSeenWhileItMoves) {
-  const RoadNetwork network =
-      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
-  Scene scene(network);
-  scene.Add({"a"}, 0, 40.0, 0.0);
-  scene.Add({"b"}, 0, 52.0, 1.0);
-  RoadView view;
-  const auto count = [&] {
-    const World world = scene.Look();
-    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view);
-    return view.obstacle_count;
-  };
-  EXPECT_EQ(count(), 0);
-  scene.traffic().now.rule[0].waits_for = scene.traffic().number[1];
-  EXPECT_EQ(count(), 1);
+TEST_F(GuardedCrossView, WhoIsWaitedForIsSeenWhileItMoves) {
+  Add(0.0, 52.0, 1.0);
+  EXPECT_EQ(Look(true), 0);
+  scene_.traffic().now.rule[0].waits_for = scene_.traffic().number[1];
+  EXPECT_EQ(Look(true), 1);
 }
 
 TEST_F(ChainView, TheNearestObstaclesAreKept) {
