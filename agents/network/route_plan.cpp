@@ -130,10 +130,11 @@ bool CanWait(const RoadNetwork& network, const LaneAdvice& advice, const NextEdg
   return there.can_wait || (yields && there.changes != 0 && there.change_distance > kRoomBehind);
 }
 
-/// Edges as short as the pieces of a roundabout between two of its entries leave no time to change lanes.
+/// Edges as short as the pieces of a roundabout between two of its entries leave no room to change lanes: who
+/// stands there for want of a gap closes the ring behind it.
 double ChangeDistance(const RoadNetwork& network, const LaneAdvice& advice, const NextEdge& next,
                       double edge_length) {
-  constexpr double kShortest = 5.0;  // [m]
+  constexpr double kShortest = 15.0;  // [m]
   if (advice.connection != kNone) {
     const LaneAdvice& there = next.advice[network.lanes[advice.next].index];
     if (there.changes != 0 && there.change_distance > 0.0)

@@ -426,10 +426,16 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
   const double lookahead_per_lane = p.lookahead_time * ego.speed_limit + p.lookahead_distance;
   const double lookahead = needed.count * lookahead_per_lane;
   const bool urgent = needed.side != 0 && needed.remaining < lookahead;
-  // Too near to the junction to bring the front across the border before it.
-  const bool too_late = to_lane_end < 3.0 + 1.2 * ego.speed &&
-                        !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
-                                     (needed.remaining < kLastRoom && LeadTogether(ego, needed.side))));
+  // Too near to the junction to bring the front across the border before it. On the short pieces between two
+  // junctions the next one may still hold who left the lane in the last.
+  const bool too_late =
+      to_lane_end < 3.0 + 1.2 * ego.speed &&
+      !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
+                   (needed.remaining < kLastRoom && ego.lane.length > ego.vehicle.length &&
+                    LeadTogether(ego, needed.side))));
+  // Its rear, still in a bend, would swing out to the other side.
+  const bool too_early = ego.vehicle.length > kLongVehicle && ego.s < ego.vehicle.length &&
+                         ego.position > 0 && needed.remaining > kLastRoom;
 
   if (std::abs(ego.d) > ego.HalfSpan() + kBodyOver && needed.side * ego.d <= 0.0) {
     ComeOver(ego, tactics);
@@ -450,7 +456,7 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
                                     FollowSpeed(ego, leader.gap - (kTurnOutRoom + 0.5 - ego.vehicle.min_gap),
                                                 leader.speed, ego.params.driving.comfort_decel));
     }
-    if (neighbor != kNone && !too_late && CanTurnOut(leader) &&
+    if (neighbor != kNone && !too_late && !too_early && CanTurnOut(leader) &&
         GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
       Join(ego, neighbor, needed.side, tactics);
       return;
@@ -464,7 +470,8 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
     return;
   }
 
-  if (too_late || ego.now().since_change[ego.row] < kChangePause || ego.speed < 0.5 || !CanTurnOut(leader)) {
+  if (too_late || too_early || ego.now().since_change[ego.row] < kChangePause || ego.speed < 0.5 ||
+      !CanTurnOut(leader)) {
     return;
   }
   for (const int side : {+1, -1}) {

@@ -402,6 +402,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   }
   if (its_bound && !own_bound) return its_speed > kStanding || (other.going && forced == 0);
   if (own_bound) {  // Both are.
+    if (forced > 0 && its_speed < kStanding) return false;
     if (!CanStop(begin - p, speed, traffic.params[own.row].max_decel, 0.1)) return false;
     if (area.yields != area.foe_yields && !IsPriority(state)) return area.yields;
     if (area.yields != area.foe_yields && area.foe_yields) return false;

@@ -144,6 +144,25 @@ float PlaceAfter(const World& world, AgentIndex row, float time, const RoadView&
   return Project(view, static_cast<float>(x - view.origin_x), static_cast<float>(y - view.origin_y)).d;
 }
 
+/// [rad] from its heading to the course of its front bumper's middle; 0 if an agent does not steer it.
+double SlipOf(const Traffic& traffic, AgentIndex row) {
+  const VehicleParams& params = traffic.params[row];
+  if (!traffic.driven[row]) return 0.0;
+  return SlipAngle(traffic.now.steering_angle[row], params.wheelbase, params.rear_axle_to_front);
+}
+
+/// [m/s] at which its rear bumper, at `rear`, moves to the left of the path: the rear axle follows the
+/// heading, and what is behind it swings out.
+float RearDrift(const Traffic& traffic, AgentIndex row, const OnPath& rear) {
+  const VehicleParams& params = traffic.params[row];
+  const double slip = SlipOf(traffic, row), heading = traffic.now.heading[row];
+  const double along = std::cos(heading) * rear.cos_heading + std::sin(heading) * rear.sin_heading;
+  const double across = std::sin(heading) * rear.cos_heading - std::cos(heading) * rear.sin_heading;
+  const double swing = (params.length - params.rear_axle_to_front) / params.rear_axle_to_front;
+  return static_cast<float>(traffic.now.speed[row] *
+                            (std::cos(slip) * across - swing * std::sin(slip) * along));
+}
+
 /// Places road user `row` in the frame of the path. Of one that goes along the path, or comes towards us,
 /// both ends are projected: in a bend the frame turns along the body, and a neighbour that keeps to its lane
 /// neither widens nor drifts.
@@ -164,9 +183,10 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
     const OnPath front = Project(view, x + half_length * cos_heading, y + half_length * sin_heading);
     const OnPath rear = Project(view, x - half_length * cos_heading, y - half_length * sin_heading);
     auto [right, left] = std::minmax({front.d, rear.d});
-    if (params.length >= kLongBody) {  // In a bend its middle cuts the corner.
-      right = std::min(right, at.d);
-      left = std::max(left, at.d);
+    if (params.length >= kLongBody) {  // In a bend its middle cuts the corner, and its rear will.
+      const float rear_soon = rear.d + kDriftTime * RearDrift(traffic, row, rear);
+      right = std::min({right, at.d, rear_soon});
+      left = std::max({left, at.d, rear_soon});
     }
     obstacle.s = 0.5f * (front.s + rear.s);
     obstacle.d = 0.5f * (left + right);
@@ -182,10 +202,7 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
     obstacle.half_width = half_length * std::abs(across) + half_width * std::abs(along);
   }
   // It moves along its course, which in a bend is not its heading.
-  const float slip = traffic.driven[row]
-                         ? static_cast<float>(SlipAngle(traffic.now.steering_angle[row], params.wheelbase,
-                                                        params.rear_axle_to_front))
-                         : 0.0f;
+  const float slip = static_cast<float>(SlipOf(traffic, row));
   const float speed = static_cast<float>(traffic.now.speed[row]);
   obstacle.speed_s = speed * (along * std::cos(slip) - across * std::sin(slip));
   obstacle.speed_d = speed * (across * std::cos(slip) + along * std::sin(slip));
@@ -401,7 +418,7 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
                       (stands && own_wait > patience);
         if (creeping && waits_for_us) {
           obstacle.forgiven = kWholly;
-        } else if (waits_inside) {
+        } else if (waits_inside && (creeping || !world.waits_known)) {
           obstacle.forgiven = kALittle;
         }
       } else if (stands && creeping && world.traffic->now.waited[ego] > kWedged) {

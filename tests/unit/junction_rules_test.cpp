@@ -208,6 +208,25 @@ TEST(JunctionRules, ACircleIsOpenedPastWhoIsOverItsStopLine) {
   }
 }
 
+// The same where both are over their stop lines, as two that turn left round each other.
+TEST(JunctionRules, ACircleInsideTheJunctionIsOpenedAgainstTheRightOfWay) {
+  for (const bool circle : {false, true}) {
+    Crossing crossing(PriorityCrossing());
+    Traffic& traffic = crossing.fleet.traffic;
+    const std::size_t ego = crossing.From("n", 1.0, 0.0), other = crossing.From("w", 1.0, 0.0);
+    traffic.driven[other] = 0;
+    traffic.now.lane[ego] = crossing.network.FindLane(":J_0_0");
+    traffic.now.lane[other] = crossing.network.FindLane(":J_3_0");
+    traffic.now.s[ego] = traffic.now.s[other] = 1.0;
+    for (int k = 0; k < 100; ++k) {
+      traffic.now.rule[other] = {};
+      if (circle) traffic.now.rule[other].waits_for = traffic.number[ego];
+      crossing.fleet.Step(kStep);
+    }
+    EXPECT_EQ(crossing.Passed(ego), circle);
+  }
+}
+
 // Half-way over from the lane beside, it is not the leader by its lane.
 TEST(JunctionRules, WhoseBodyIsInTheCourseIsWaitedFor) {
   const RoadNetwork network = ChainNet(1, 2, 100.0);

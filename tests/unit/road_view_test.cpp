@@ -225,8 +225,11 @@ TEST(BendView, ABusReachesIntoTheInsideOfTheBend) {
   VehicleParams& bus = traffic.params[1];
   bus.length = 12.0;
   bus.width = 2.5;
+  bus.rear_axle_to_front = 6.0;
   traffic.now.d[1] = -3.2;
-  traffic.now.heading_error[1] = -6.0 / kRadius;  // Both its ends are on the circle.
+  const double beta = std::asin(6.0 / kRadius);  // Both its ends are on the circle, and stay there.
+  traffic.now.heading_error[1] = -beta;
+  traffic.now.steering_angle[1] = SteeringAngle(beta, bus.wheelbase, bus.rear_axle_to_front);
   RoadView view;
   const World world = scene.Look();
   SenseRoad(world, 0, LookAhead(world, 0, 60.0), 30.0, true, &view);
@@ -235,6 +238,30 @@ TEST(BendView, ABusReachesIntoTheInsideOfTheBend) {
   EXPECT_FALSE(o.parallel);
   EXPECT_NEAR(o.d + o.half_width, -3.2 + 6.0 * 6.0 / (2.0 * kRadius) + 1.25, 0.15);
   EXPECT_NEAR(o.d - o.half_width, -3.2 - 1.25, 0.15);
+}
+
+// The rear of a bus that turns away, 3 m behind its axle, swings out: at 6 m/s and a slip of 0.2 rad 9 m ahead
+// of that axle it yaws by 6 sin(0.2) / 9 rad/s, so the rear moves by three times that in a second.
+TEST(RoadView, TheRearOfABusSwingsOut) {
+  const RoadNetwork network = ChainNet(1, 2, 200.0);
+  for (const double slip : {0.0, -0.2}) {
+    Scene scene(network);
+    scene.Add({"e0"}, 1, 20.0, 6.0);
+    scene.Add({"e0"}, 0, 35.0, 6.0);
+    Traffic& traffic = scene.traffic();
+    VehicleParams& bus = traffic.params[1];
+    bus.length = 12.0;
+    bus.width = 2.5;
+    bus.rear_axle_to_front = 9.0;
+    traffic.now.steering_angle[1] = SteeringAngle(slip, bus.wheelbase, bus.rear_axle_to_front);
+    RoadView view;
+    const World world = scene.Look();
+    SenseRoad(world, 0, LookAhead(world, 0, 60.0), 30.0, true, &view);
+    ASSERT_EQ(view.obstacle_count, 1);
+    const Obstacle& o = view.obstacles[0];
+    EXPECT_NEAR(o.d + o.half_width, -3.2 + 1.25 + 3.0 * 6.0 * std::sin(-slip) / 9.0, 1e-3);
+    EXPECT_NEAR(o.d - o.half_width, -3.2 - 1.25, 1e-3);
+  }
 }
 
 // A car that stands across our way on another road is forgiven only while we creep, and only after patience.

@@ -160,9 +160,10 @@ TEST(RoutePlan, ChangesCanWaitUntilBehindAYieldLine) {
   EXPECT_DOUBLE_EQ(yields.At(0, 1).change_distance, 130.0);
   EXPECT_FALSE(yields.At(1, 1).can_wait);  // In the ring it cannot wait any more.
   EXPECT_FALSE(plan_for('M', 30.0).At(0, 1).can_wait);
-  const RoutePlan short_ring = plan_for('m', 4.0);
+  const RoutePlan short_ring = plan_for('m', 14.0);
   EXPECT_FALSE(short_ring.At(0, 1).can_wait);
   EXPECT_DOUBLE_EQ(short_ring.At(0, 1).change_distance, 100.0);
+  EXPECT_DOUBLE_EQ(short_ring.At(1, 1).change_distance, 0.0);
 }
 
 TEST(RoutePlan, EmptyRoute) {
