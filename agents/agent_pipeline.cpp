@@ -211,7 +211,7 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   occupancy_.Build(*traffic);
   avoider_.BeginStep(*traffic);
   const World world{&network_, &curves_,  traffic,   &occupancy_,      &grid_,
-                    center_x_, center_y_, &channel_, rules_ != nullptr};
+                    center_x_, center_y_, &channel_, rules_.get()};
   if (rules_) rules_->Build(world);
   commands->Resize(n);
   channel_.Exchange(dt, *traffic);

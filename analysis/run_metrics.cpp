@@ -118,8 +118,9 @@ bool ChangesNoTraffic(const std::string& option) {
 /// SUMO's options as given to it, without those that change no traffic, and those that a run of agents adds
 /// by itself (SumoCommandLine): they belong to who drives, not to the demand.
 std::string TrafficOptions(const std::string& command_line) {
-  static const std::set<std::string> kOfAgents = {
-      "--ignore-junction-blocker 10", "--default.action-step-length 1", "--step-method.ballistic false"};
+  static const std::set<std::string> kOfAgents = {"--ignore-junction-blocker 10", "--time-to-impatience 60",
+                                                  "--default.action-step-length 1",
+                                                  "--step-method.ballistic false"};
   std::istringstream words(command_line);
   std::vector<std::string> options;
   std::string word;

@@ -21,6 +21,10 @@ constexpr const char* kActionStep = "default.action-step-length";
 /// its value where agents, who see its body and pass beside it or wait, drive under SUMO's rules.
 constexpr const char* kJunctionBlocker = "ignore-junction-blocker";
 constexpr const char* kBlockerTime = "10";
+/// SUMO's option for how long [s] a vehicle waits until it accepts the smallest gap, and its value for agents:
+/// the default of rules.patience, their own.
+constexpr const char* kImpatience = "time-to-impatience";
+constexpr const char* kImpatienceTime = "60";
 
 /// SUMO's options under their long names, by the section that holds them in a .sumocfg, may also be written
 /// short.
@@ -348,10 +352,11 @@ std::vector<std::string> SumoCommandLine(const RunConfig& config) {
   const bool acts_rarely = passive_step > 0.0 || Has(given, kActionStep);
   if (acts_rarely && config.policy != Policy::kSumo && !Has(given, "step-method.ballistic"))
     add("step-method.ballistic", "false");
-  // Two that each stand in the other's way in a junction would wait for SUMO's word for ever.
-  if (config.rules == Rules::kSumo && config.policy != Policy::kSumo && config.penetration >= 1.0 &&
-      !Has(given, kJunctionBlocker)) {
-    add(kJunctionBlocker, kBlockerTime);
+  // Two that each stand in the other's way in a junction would wait for SUMO's word for ever; and agents come
+  // to a yield line more slowly than SUMO counts on, so gaps that it finds large enough are rarer.
+  if (config.rules == Rules::kSumo && config.policy != Policy::kSumo && config.penetration >= 1.0) {
+    if (!Has(given, kJunctionBlocker)) add(kJunctionBlocker, kBlockerTime);
+    if (!Has(given, kImpatience)) add(kImpatience, kImpatienceTime);
   }
   add("step-length", fmt::format("{}", config.step_length));
   add("seed", fmt::format("{}", config.seed));

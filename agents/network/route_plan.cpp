@@ -130,18 +130,15 @@ bool CanWait(const RoadNetwork& network, const LaneAdvice& advice, const NextEdg
   return there.can_wait || (yields && there.changes != 0 && there.change_distance > kRoomBehind);
 }
 
-/// Edges as short as the pieces of a roundabout between two of its entries leave no room to change lanes: who
-/// stands there for want of a gap closes the ring behind it.
 double ChangeDistance(const RoadNetwork& network, const LaneAdvice& advice, const NextEdge& next,
                       double edge_length) {
-  constexpr double kShortest = 15.0;  // [m]
   if (advice.connection != kNone) {
     const LaneAdvice& there = next.advice[network.lanes[advice.next].index];
     if (there.changes != 0 && there.change_distance > 0.0)
       return edge_length + InternalLength(network, network.connections[advice.connection].via) +
              there.change_distance;
   }
-  return edge_length < kShortest ? 0.0 : edge_length;
+  return edge_length < kRoomToChange ? 0.0 : edge_length;
 }
 
 /// [m] of the shortest way over the junction behind an edge; 0 if no lane leads on.

@@ -14,6 +14,10 @@ inline bool MayUse(const Lane& lane, VehicleClassMask vehicle_class) {
   return vehicle_class == kAllVehicleClasses || (lane.allowed & vehicle_class) != 0;
 }
 
+/// [m] Edges as short as the pieces of a roundabout between two of its entries leave no room to change lanes:
+/// who stands there for want of a gap closes the ring behind it.
+inline constexpr double kRoomToChange = 15.0;
+
 /// What a route asks of one lane of one of its edges.
 struct LaneAdvice {
   std::int32_t changes{

@@ -431,7 +431,7 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
   const bool too_late =
       to_lane_end < 3.0 + 1.2 * ego.speed &&
       !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
-                   (needed.remaining < kLastRoom && ego.lane.length > ego.vehicle.length &&
+                   (needed.remaining < kLastRoom && ego.lane.length > kRoomToChange &&
                     LeadTogether(ego, needed.side))));
   // Its rear, still in a bend, would swing out to the other side.
   const bool too_early = ego.vehicle.length > kLongVehicle && ego.s < ego.vehicle.length &&

@@ -26,6 +26,8 @@ constexpr double kCheckTime = 1.0, kCheckDistance = 8.0, kListTime = 9.0, kListD
 constexpr double kHalfWidth = 0.9;
 /// [m] for which a vehicle that has left a link still counts on it: the map's conflicts reach as far.
 constexpr double kBehindLink = 8.0;
+/// [m] from which a body is long, and for how much longer it counts: in a turn its rear is beside its path.
+constexpr double kLongBodyFrom = 9.0, kLongBodyMore = 3.0;
 /// [m/s^2] braking before a bend, and braking one may count on when one's patience is at its end.
 constexpr double kBendDecel = 3.0, kImposedDecel = 2.0;
 /// [s] after which a vehicle in front of whom one crosses must have left.
@@ -326,7 +328,9 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   const Traffic& traffic = *world.traffic;
   const JunctionLink& link = map_.links()[own.link];
   const JunctionLink& foe = map_.links()[other.link];
-  const double length = traffic.params[own.row].length, its_length = traffic.params[other.row].length;
+  const double length = traffic.params[own.row].length;
+  double its_length = traffic.params[other.row].length;
+  if (its_length > kLongBodyFrom) its_length += kLongBodyMore;
   const double extra = ExtraWidth(traffic, own.row) + (other.person ? 0.0 : ExtraWidth(traffic, other.row));
   double foe_begin = area.foe_begin - extra, foe_end = area.foe_end + extra;
   if (other.backward) {
@@ -404,6 +408,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   if (own_bound) {  // Both are.
     if (forced > 0 && its_speed < kStanding) return false;
     if (!CanStop(begin - p, speed, traffic.params[own.row].max_decel, 0.1)) return false;
+    if (!CanStop(foe_begin - q, its_speed, traffic.params[other.row].max_decel, 0.1)) return true;
     if (area.yields != area.foe_yields && !IsPriority(state)) return area.yields;
     if (area.yields != area.foe_yields && area.foe_yields) return false;
     return its_arrival != arrival ? its_arrival < arrival
@@ -457,6 +462,17 @@ AgentIndex JunctionRules::BlockerBehind(const World& world, AgentIndex ego, cons
     }
   }
   return kNone;
+}
+
+bool JunctionRules::Conflict(AgentIndex a, AgentIndex b) const {
+  const auto its = Of(b);
+  for (const Approach& own : Of(a)) {
+    for (const ConflictArea& area : map_.Areas(map_.links()[own.link])) {
+      if (std::any_of(its.begin(), its.end(), [&](const Approach& other) { return other.link == area.foe; }))
+        return true;
+    }
+  }
+  return false;
 }
 
 bool JunctionRules::WaitsFor(const World& world, AgentIndex row, AgentIndex whom) const {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "agents/core/geometry.h"
+#include "agents/rules/junction_rules.h"
 #include "agents/vehicle/kinematic_bicycle.h"
 
 namespace lanewise {
@@ -22,6 +23,8 @@ constexpr float kPersonPatience = 8.0f, kLongPatience = 25.0f;
 constexpr float kGoesAlong = 0.6f;
 /// [s] for which a vehicle's lateral motion is taken to last.
 constexpr float kDriftTime = 1.0f;
+/// [s] likewise, that of a long body's rear.
+constexpr float kRearDriftTime = 1.5f;
 /// [m/s^2] and [s]: who brakes by more and stands within this time is taken to be where it will stand.
 constexpr double kBrakes = 1.0, kStopsSoon = 2.0;
 /// [s] likewise, a corner in the way of one that stands too near to turn away from it.
@@ -184,7 +187,7 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
     const OnPath rear = Project(view, x - half_length * cos_heading, y - half_length * sin_heading);
     auto [right, left] = std::minmax({front.d, rear.d});
     if (params.length >= kLongBody) {  // In a bend its middle cuts the corner, and its rear will.
-      const float rear_soon = rear.d + kDriftTime * RearDrift(traffic, row, rear);
+      const float rear_soon = rear.d + kRearDriftTime * RearDrift(traffic, row, rear);
       right = std::min({right, at.d, rear_soon});
       left = std::max({left, at.d, rear_soon});
     }
@@ -364,6 +367,7 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
   // One circle around the path ahead: its middle node is the centre.
   const int middle = kPathNodes / 2;
   const double center_x = view->origin_x + view->x[middle], center_y = view->origin_y + view->y[middle];
+  const bool own_rules = world.rules != nullptr;
   const double ego_length = world.traffic->params[ego].length;
   const double radius = 0.5 * horizon + ego_length + 8.0;
   const float reach_across = 9.0f;
@@ -383,10 +387,13 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       const double speed = world.traffic->now.speed[row];
       bool stands = speed < kStanding;
       // SUMO, or the rules, decide who goes first; but what stands is in the way, outside the junction and in
-      // it, and whom we wait for is until it has gone.
+      // it, whom we wait for is until it has gone, and who comes towards us where no rule says who goes
+      // first.
       const bool waited_for = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
-      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !waited_for) {
-        const double stop = world.waits_known ? StopsWithin(world.traffic->now, row) : 0.0;
+      const bool unruled =
+          own_rules && obstacle.along < -kGoesAlong && !world.rules->Conflict(ego, row);
+      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !waited_for && !unruled) {
+        const double stop = own_rules ? StopsWithin(world.traffic->now, row) : 0.0;
         if (stop == 0.0) return;
         LetStop(stop, speed, &obstacle);
         stands = true;
@@ -403,7 +410,7 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         // inside goes first, if it can. Who waits for a signal, or for others than us, will go.
         const bool elder = world.traffic->number[ego] < world.traffic->number[row];
         const float own_wait = world.traffic->now.waited[ego], its_wait = world.traffic->now.waited[row];
-        const bool waits_for_ego = !world.waits_known || !world.traffic->driven[row] ||
+        const bool waits_for_ego = !own_rules || !world.traffic->driven[row] ||
                                    world.traffic->now.rule[row].waits_for == world.traffic->number[ego];
         const bool waits_inside = stands && IsInJunction(world, row);
         const Connection* way_out = WayOut(world, row);
@@ -413,12 +420,12 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         const float patience = waits_for_others ? kOthersPatience : kPatience;
         const bool waits_for_us =
             waits_inside
-                ? its_wait > kPatience && (own_wait > kTimeToGo || !world.waits_known)
+                ? its_wait > kPatience && (own_wait > kTimeToGo || !own_rules)
                 : (elder && speed < kCreeping && !has_signal && !waits_for_others && waits_for_ego) ||
                       (stands && own_wait > patience);
         if (creeping && waits_for_us) {
           obstacle.forgiven = kWholly;
-        } else if (waits_inside && (creeping || !world.waits_known)) {
+        } else if (waits_inside && (creeping || !own_rules)) {
           obstacle.forgiven = kALittle;
         }
       } else if (stands && creeping && world.traffic->now.waited[ego] > kWedged) {

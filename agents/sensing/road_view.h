@@ -14,6 +14,8 @@
 
 namespace lanewise {
 
+class JunctionRules;
+
 class Channel;
 
 /// Read-only world of one step, shared by all agents.
@@ -25,9 +27,9 @@ struct World {
   const SpatialGrid* grid;                     ///< Over the middles of all road users.
   std::span<const double> center_x, center_y;  ///< [m] by row.
   const Channel* channel{nullptr};             ///< What was told over the radio.
-  /// Do the agents answer for the rules, so that RuleState::waits_for tells of everyone who stands for
-  /// another?
-  bool waits_known{false};
+  /// The agents' own, with which RuleState::waits_for tells of everyone who stands for another; null: SUMO's
+  /// checks guard the junctions.
+  const JunctionRules* rules{nullptr};
 };
 
 /// One lane of the way ahead.

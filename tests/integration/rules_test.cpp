@@ -101,27 +101,32 @@ TEST(OwnRules, SumoIsPassiveOnlyWhereAgentsDriveEverything) {
   EXPECT_EQ(PassiveActionStep(other), 0.0);
 }
 
-// Of what stands in a junction agents see the body, native vehicles do not.
-TEST(SumosRules, BlockersOfJunctionsAreLeftToAgentsWhereTheyDriveEverything) {
-  const auto has = [](const RunConfig& config, const char* value) {
-    const std::vector<std::string> line = SumoCommandLine(config);
-    const auto option = std::find(line.begin(), line.end(), "--ignore-junction-blocker");
-    return option != line.end() && *(option + 1) == value &&
-           std::find(option + 1, line.end(), *option) == line.end();
-  };
-  RunConfig config = ByAgents("roundabout", 10.0);
-  EXPECT_FALSE(has(config, "10"));
-  config.rules = Rules::kSumo;
-  EXPECT_TRUE(has(config, "10"));
-  RunConfig other = config;
-  other.penetration = 0.9;
-  EXPECT_FALSE(has(other, "10"));
-  other = config;
-  other.policy = Policy::kSumo;
-  EXPECT_FALSE(has(other, "10"));
-  other = config;
-  other.sumo_options = {"--ignore-junction-blocker", "60"};
-  EXPECT_TRUE(has(other, "60"));
+// Of what stands in a junction agents see the body, native vehicles do not; and agents come to yield lines
+// more slowly.
+TEST(SumosRules, BlockersAndGapsAreLeftToAgentsWhereTheyDriveEverything) {
+  const std::pair<const char*, const char*> options[] = {{"--ignore-junction-blocker", "10"},
+                                                         {"--time-to-impatience", "60"}};
+  for (const auto& [option, value] : options) {
+    const auto has = [&option = option](const RunConfig& config, const char* wanted) {
+      const std::vector<std::string> line = SumoCommandLine(config);
+      const auto found = std::find(line.begin(), line.end(), option);
+      return found != line.end() && *(found + 1) == wanted &&
+             std::find(found + 1, line.end(), *found) == line.end();
+    };
+    RunConfig config = ByAgents("roundabout", 10.0);
+    EXPECT_FALSE(has(config, value)) << option;
+    config.rules = Rules::kSumo;
+    EXPECT_TRUE(has(config, value)) << option;
+    RunConfig other = config;
+    other.penetration = 0.9;
+    EXPECT_FALSE(has(other, value)) << option;
+    other = config;
+    other.policy = Policy::kSumo;
+    EXPECT_FALSE(has(other, value)) << option;
+    other = config;
+    other.sumo_options = {option, "90"};
+    EXPECT_TRUE(has(other, "90")) << option;
+  }
 }
 
 TEST(OwnRules, AnActionStepOfTheUsersLeavesCommandsExact) {

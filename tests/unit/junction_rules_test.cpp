@@ -227,6 +227,22 @@ TEST(JunctionRules, ACircleInsideTheJunctionIsOpenedAgainstTheRightOfWay) {
   }
 }
 
+// It stands with its front over its stop line; the other, which has to yield, comes 3 m before their ways
+// cross, and could stop from 3 m/s, but not from 9.
+TEST(JunctionRules, WhoCanStopLetsGoWhoCannot) {
+  for (const double speed : {3.0, 9.0}) {
+    Crossing crossing(PriorityCrossing());
+    Traffic& traffic = crossing.fleet.traffic;
+    const std::size_t ego = crossing.From("w", 1.0, 0.0), other = crossing.From("n", 1.0, speed);
+    traffic.driven[other] = 0;
+    traffic.now.lane[ego] = crossing.network.FindLane(":J_3_0");
+    traffic.now.lane[other] = crossing.network.FindLane(":J_0_0");
+    traffic.now.s[ego] = traffic.now.s[other] = 1.0;
+    crossing.fleet.Step(kStep);
+    EXPECT_EQ(traffic.now.rule[ego].reason == RuleReason::kYield, speed > 5.0) << speed;
+  }
+}
+
 // Half-way over from the lane beside, it is not the leader by its lane.
 TEST(JunctionRules, WhoseBodyIsInTheCourseIsWaitedFor) {
   const RoadNetwork network = ChainNet(1, 2, 100.0);

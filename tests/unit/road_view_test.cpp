@@ -401,7 +401,8 @@ class GuardedCrossView : public testing::Test {
   /// @return how many obstacles row 0 sees.
   int Look(bool agents_rule) {
     World world = scene_.Look();
-    world.waits_known = agents_rule;
+    rules_.Build(world);
+    if (agents_rule) world.rules = &rules_;
     SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view_);
     return view_.obstacle_count;
   }
@@ -409,6 +410,8 @@ class GuardedCrossView : public testing::Test {
   RoadNetwork network_ =
       PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
   Scene scene_{network_};
+  AgentParams params_;
+  JunctionRules rules_{network_, FitLaneCurves(network_, {}), params_};
   RoadView view_;
 };
 
@@ -432,6 +435,25 @@ TEST_F(GuardedCrossView, WhoIsWaitedForIsSeenWhileItMoves) {
   EXPECT_EQ(Look(true), 0);
   scene_.traffic().now.rule[0].waits_for = scene_.traffic().number[1];
   EXPECT_EQ(Look(true), 1);
+}
+
+// Of who comes towards us no rule says who goes first, here on the other side of a road.
+TEST(RoadView, WhoComesTowardsUsIsSeenWhereNoRuleSaysWhoGoesFirst) {
+  const RoadNetwork network =
+      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "B", "A", 100, "100,3.5 0,3.5"}}, "");
+  Scene scene(network);
+  scene.Add({"a"}, 0, 40.0, 5.0);
+  scene.Add({"b"}, 0, 40.0, 5.0);
+  const AgentParams params;
+  JunctionRules rules(network, FitLaneCurves(network, {}), params);
+  for (const bool agents_rule : {false, true}) {
+    World world = scene.Look();
+    rules.Build(world);
+    if (agents_rule) world.rules = &rules;
+    RoadView view;
+    SenseRoad(world, 0, LookAhead(world, 0, 60.0), 30.0, false, &view);
+    EXPECT_EQ(view.obstacle_count, agents_rule ? 1 : 0);
+  }
 }
 
 TEST_F(ChainView, TheNearestObstaclesAreKept) {
