@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "agents/traffic.h"
+#include "scenarios/contact_places.h"
 #include "scenarios/run.h"
 
 namespace lanewise {
@@ -35,6 +36,17 @@ struct Table {
     passed = passed && ok;
   }
 };
+
+void PrintContactPlaces(const std::vector<ContactPlace>& places) {
+  if (places.empty()) return;
+  fmt::print("\nContacts with an agent striking, by the lanes of the two fronts:\n{:>8} {:>11} {:>14}  lanes\n",
+             "contacts", "deepest [m]", "lanes apart [m]");
+  for (const ContactPlace& place : places) {
+    fmt::print("{:>8} {:>11.3f} {:>14.2f}  {} and {}{}\n", place.contacts, place.max_depth,
+               place.lane_distance, place.first_lane, place.second_lane,
+               place.shapes_overlap() ? ": the network's shapes overlap, and nobody has to yield" : "");
+  }
+}
 
 }  // namespace
 
@@ -131,6 +143,8 @@ bool BenchCity(const RunConfig& config, const std::vector<int>& thread_counts) {
             "<= 2048", AgentStateBytes() <= 2048);
   table.Row("resident memory after the run [MiB]", fmt::format("{:.0f}", memory_before),
             fmt::format("{:.0f}", memory_after), "", true);
+
+  PrintContactPlaces(FindContactPlaces(*native.results, report.run_id, LoadRoadNetwork(config.net_file)));
 
   bool same = true;
   std::string hashes = fmt::format("{:016x}", report.outcome.state_hash);

@@ -24,7 +24,7 @@ constexpr float kGoesAlong = 0.6f;
 /// [s] for which a vehicle's lateral motion is taken to last.
 constexpr float kDriftTime = 1.0f;
 /// [s] likewise, that of a long body's rear.
-constexpr float kRearDriftTime = 1.5f;
+constexpr float kRearDriftTime = 2.0f;
 /// [m/s^2] and [s]: who brakes by more and stands within this time is taken to be where it will stand.
 constexpr double kBrakes = 1.0, kStopsSoon = 2.0;
 /// [s] likewise, a corner in the way of one that stands too near to turn away from it.
