@@ -236,12 +236,14 @@ TEST(BendView, ABusReachesIntoTheInsideOfTheBend) {
   ASSERT_EQ(view.obstacle_count, 1);
   const Obstacle& o = view.obstacles[0];
   EXPECT_FALSE(o.parallel);
-  EXPECT_NEAR(o.d + o.half_width, -3.2 + 6.0 * 6.0 / (2.0 * kRadius) + 1.25, 0.15);
+  // Its rear does not drift, but for the tangent at the nearest node, which over two seconds tells a little.
+  EXPECT_NEAR(o.d + o.half_width, -3.2 + 6.0 * 6.0 / (2.0 * kRadius) + 1.25, 0.25);
   EXPECT_NEAR(o.d - o.half_width, -3.2 - 1.25, 0.15);
 }
 
 // The rear of a bus that turns away, 3 m behind its axle, swings out: at 6 m/s and a slip of 0.2 rad 9 m ahead
-// of that axle it yaws by 6 sin(0.2) / 9 rad/s, so the rear moves by three times that in a second.
+// of that axle it yaws by 6 sin(0.2) / 9 rad/s, so the rear moves by three times that in a second; it is kept
+// clear of for two.
 TEST(RoadView, TheRearOfABusSwingsOut) {
   const RoadNetwork network = ChainNet(1, 2, 200.0);
   for (const double slip : {0.0, -0.2}) {
@@ -259,7 +261,7 @@ TEST(RoadView, TheRearOfABusSwingsOut) {
     SenseRoad(world, 0, LookAhead(world, 0, 60.0), 30.0, true, &view);
     ASSERT_EQ(view.obstacle_count, 1);
     const Obstacle& o = view.obstacles[0];
-    EXPECT_NEAR(o.d + o.half_width, -3.2 + 1.25 + 3.0 * 6.0 * std::sin(-slip) / 9.0, 1e-3);
+    EXPECT_NEAR(o.d + o.half_width, -3.2 + 1.25 + 2.0 * 3.0 * 6.0 * std::sin(-slip) / 9.0, 1e-3);
     EXPECT_NEAR(o.d - o.half_width, -3.2 - 1.25, 1e-3);
   }
 }
