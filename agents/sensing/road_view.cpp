@@ -386,13 +386,16 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
       bool stands = speed < kStanding;
-      // SUMO, or the rules, decide who goes first; but what stands is in the way, outside the junction and in
-      // it, whom we wait for is until it has gone, and who comes towards us where no rule says who goes
-      // first.
+      // SUMO, or the rules, decide who goes first, and who moves across is left to them. But what stands is in
+      // the way, outside the junction and in it; whom we wait for is until it has gone; and so are those of
+      // whom no rule tells: who turns off our own road, and who comes towards us on a way that crosses none of
+      // ours.
       const bool waited_for = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
-      const bool unruled =
-          own_rules && obstacle.along < -kGoesAlong && !world.rules->Conflict(ego, row);
-      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !waited_for && !unruled) {
+      const auto unruled = [&] {
+        return own_rules && ((obstacle.along < -kGoesAlong && !world.rules->Conflict(ego, row)) ||
+                             !IsOnOtherRoad(world, ego, row, way));
+      };
+      if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !waited_for && !unruled()) {
         const double stop = own_rules ? StopsWithin(world.traffic->now, row) : 0.0;
         if (stop == 0.0) return;
         LetStop(stop, speed, &obstacle);

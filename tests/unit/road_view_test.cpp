@@ -458,6 +458,23 @@ TEST(RoadView, WhoComesTowardsUsIsSeenWhereNoRuleSaysWhoGoesFirst) {
   }
 }
 
+// It turns off our road; no rule makes it wait for us, or us for it.
+TEST_F(ChainView, WhoTurnsOffOurRoadIsSeenUnderTheAgentsRules) {
+  scene_.Add({"e0", "e1"}, 0, 50.0, 10.0);
+  scene_.Add({"e0", "e1"}, 0, 70.0, 6.0);
+  scene_.traffic().now.heading_error[1] = 1.3;
+  const AgentParams params;
+  JunctionRules rules(network_, FitLaneCurves(network_, {}), params);
+  for (const bool agents_rule : {false, true}) {
+    World world = scene_.Look();
+    rules.Build(world);
+    if (agents_rule) world.rules = &rules;
+    RoadView view;
+    SenseRoad(world, 0, LookAhead(world, 0, 80.0), 45.0, false, &view);
+    EXPECT_EQ(view.obstacle_count, agents_rule ? 1 : 0);
+  }
+}
+
 TEST_F(ChainView, TheNearestObstaclesAreKept) {
   scene_.Add({"e0", "e1", "e2"}, 0, 10.0, 10.0);
   for (int k = 0; k < 2 * kMaxObstacles; ++k) {
