@@ -143,6 +143,23 @@ bool GapAccepted(const Ego& ego, const Leader& ahead, const Leader& behind, doub
           behind.speed <= SafeSpeed(behind.gap - min_behind, ego.speed, decel, reaction) + 0.3);
 }
 
+/// Does another, on the far side of the lane the ego would join, need that lane too, beside the ego, and goes
+/// first? Both would find it free. Who needs it goes before who only likes it, then the elder.
+bool IsContested(const Ego& ego, LaneIndex neighbor, int side, bool needed) {
+  constexpr double kBeside = 2.0;  // [m]
+  const LaneIndex beyond = ego.world.network->Neighbor(neighbor, side);
+  if (beyond == kNone) return false;
+  const Traffic& traffic = *ego.world.traffic;
+  const double s = PositionOn(ego, beyond);
+  const auto occupants = ego.world.occupancy->On(beyond);
+  return std::any_of(occupants.begin(), occupants.end(), [&](const Occupant& other) {
+    return traffic.now.urgent[other.row] && traffic.now.blinker[other.row] == -side &&
+           other.s > s - ego.vehicle.length - kBeside &&
+           other.s - traffic.params[other.row].length < s + kBeside &&
+           (!needed || traffic.number[other.row] < traffic.number[ego.row]);
+  });
+}
+
 /// Can the ego's body leave its lane soon? Not behind one that stands close ahead of it.
 bool CanTurnOut(const Leader& leader) {
   return leader.row == kNone || leader.gap > kTurnOutRoom || leader.speed > 2.0;
@@ -457,7 +474,8 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
                                                 leader.speed, ego.params.driving.comfort_decel));
     }
     if (neighbor != kNone && !too_late && !too_early && CanTurnOut(leader) &&
-        GapAccepted(ego, beside.ahead, beside.behind, urgency)) {
+        GapAccepted(ego, beside.ahead, beside.behind, urgency) &&
+        !IsContested(ego, neighbor, needed.side, needed.asks)) {
       Join(ego, neighbor, needed.side, tactics);
       return;
     }
@@ -486,7 +504,8 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
       if (there.free_distance < here.free_distance && useful < 300.0) continue;
     }
     const Neighborhood beside = LookBeside(ego, neighbor);
-    if (!GapAccepted(ego, beside.ahead, beside.behind, 0.0)) continue;
+    if (!GapAccepted(ego, beside.ahead, beside.behind, 0.0) || IsContested(ego, neighbor, side, false))
+      continue;
     const Lane& lane = ego.world.network->lanes[neighbor];
     const double limit_there = ego.speed_limit * lane.speed_limit / std::max(1.0, ego.lane.speed_limit);
     // Keep right where it costs nothing: the left lanes of a fast road are for overtaking.

@@ -382,6 +382,21 @@ TEST_F(TurnerTest, ShunsTheLaneOfOne) {
 }
 
 // A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
+// The lane in the middle is free, but another across it needs it, and says so: both cannot have it.
+TEST(TacticsChain, WhoNeedsTheSameLaneGoesFirst) {
+  const RoadNetwork network = ChainNet(1, 3, 500.0);
+  Scene scene(network);
+  scene.Add({"e0"}, 0, 100.0, 12.0);
+  scene.Add({"e0"}, 0, 125.0, 3.0);
+  scene.Add({"e0"}, 2, 101.0, 12.0);
+  EXPECT_EQ(scene.Decide(0).lane_change, 1);
+  scene.traffic().now.urgent[2] = 1;
+  scene.traffic().now.blinker[2] = -1;
+  EXPECT_EQ(scene.Decide(0).lane_change, 0);
+  scene.traffic().now.s[2] = 80.0;  // Behind.
+  EXPECT_EQ(scene.Decide(0).lane_change, 1);
+}
+
 TEST(TacticsChain, OvertakesASlowLeader) {
   const RoadNetwork network = ChainNet(/*edges=*/2, /*lanes=*/2, /*length=*/600.0);
   Scene scene(network);
