@@ -330,7 +330,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   const JunctionLink& foe = map_.links()[other.link];
   const double length = traffic.params[own.row].length;
   double its_length = traffic.params[other.row].length;
-  if (its_length > kLongBodyFrom) its_length += kLongBodyMore;
+  if (its_length > kLongBodyFrom && turn == nullptr) its_length += kLongBodyMore;  // Turns have margins.
   const double extra = ExtraWidth(traffic, own.row) + (other.person ? 0.0 : ExtraWidth(traffic, other.row));
   double foe_begin = area.foe_begin - extra, foe_end = area.foe_end + extra;
   if (other.backward) {
@@ -465,6 +465,7 @@ AgentIndex JunctionRules::BlockerBehind(const World& world, AgentIndex ego, cons
 }
 
 bool JunctionRules::Conflict(AgentIndex a, AgentIndex b) const {
+  if (slots_ != nullptr) return true;
   const auto its = Of(b);
   for (const Approach& own : Of(a)) {
     for (const ConflictArea& area : map_.Areas(map_.links()[own.link])) {

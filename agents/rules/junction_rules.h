@@ -65,7 +65,8 @@ class JunctionRules {
   std::span<const Approach> Of(AgentIndex row) const {
     return {own_.data() + static_cast<std::size_t>(row) * kMaxLinks, static_cast<std::size_t>(count_[row])};
   }
-  /// Do the ways of two vehicles conflict at a junction, so that the rules say who goes first?
+  /// Do the ways of two vehicles conflict at a junction, so that the rules say who goes first? Where
+  /// coordinators give turns all are taken to: who brakes for one that comes towards it misses its turn.
   bool Conflict(AgentIndex a, AgentIndex b) const;
   /// SUMO's letter for what a link shows now.
   char StateOf(const Traffic& traffic, const JunctionLink& link) const;
