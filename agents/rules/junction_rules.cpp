@@ -464,10 +464,10 @@ AgentIndex JunctionRules::BlockerBehind(const World& world, AgentIndex ego, cons
   return kNone;
 }
 
-bool JunctionRules::Conflict(AgentIndex a, AgentIndex b) const {
-  if (slots_ != nullptr) return true;
+bool JunctionRules::Conflict(const World& world, AgentIndex a, AgentIndex b) const {
   const auto its = Of(b);
   for (const Approach& own : Of(a)) {
+    if (TurnOf(world, own)) return true;
     for (const ConflictArea& area : map_.Areas(map_.links()[own.link])) {
       if (std::any_of(its.begin(), its.end(), [&](const Approach& other) { return other.link == area.foe; }))
         return true;

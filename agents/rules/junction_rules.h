@@ -66,8 +66,8 @@ class JunctionRules {
     return {own_.data() + static_cast<std::size_t>(row) * kMaxLinks, static_cast<std::size_t>(count_[row])};
   }
   /// Do the ways of two vehicles conflict at a junction, so that the rules say who goes first? Where
-  /// coordinators give turns all are taken to: who brakes for one that comes towards it misses its turn.
-  bool Conflict(AgentIndex a, AgentIndex b) const;
+  /// a coordinator gives the first a turn all are taken to: who brakes for one that comes misses its turn.
+  bool Conflict(const World& world, AgentIndex a, AgentIndex b) const;
   /// SUMO's letter for what a link shows now.
   char StateOf(const Traffic& traffic, const JunctionLink& link) const;
 

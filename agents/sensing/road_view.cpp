@@ -392,7 +392,7 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       // ours.
       const bool waited_for = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
       const auto unruled = [&] {
-        return own_rules && ((obstacle.along < -kGoesAlong && !world.rules->Conflict(ego, row)) ||
+        return own_rules && ((obstacle.along < -kGoesAlong && !world.rules->Conflict(world, ego, row)) ||
                              !IsOnOtherRoad(world, ego, row, way));
       };
       if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !waited_for && !unruled()) {
