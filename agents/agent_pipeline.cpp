@@ -210,7 +210,7 @@ void AgentPipeline::Step(double dt, const std::vector<std::uint8_t>& guarded, Tr
   grid_.Build(center_x_, center_y_);
   occupancy_.Build(*traffic);
   avoider_.BeginStep(*traffic);
-  const World world{&network_, &curves_,  traffic,   &occupancy_,      &grid_,
+  const World world{&network_, &curves_,  traffic,   &occupancy_, &grid_,
                     center_x_, center_y_, &channel_, rules_.get()};
   if (rules_) rules_->Build(world);
   commands->Resize(n);

@@ -39,8 +39,9 @@ struct Table {
 
 void PrintContactPlaces(const std::vector<ContactPlace>& places) {
   if (places.empty()) return;
-  fmt::print("\nContacts with an agent striking, by the lanes of the two fronts:\n{:>8} {:>11} {:>14}  lanes\n",
-             "contacts", "deepest [m]", "lanes apart [m]");
+  fmt::print(
+      "\nContacts with an agent striking, by the lanes of the two fronts:\n{:>8} {:>11} {:>14}  lanes\n",
+      "contacts", "deepest [m]", "lanes apart [m]");
   for (const ContactPlace& place : places) {
     fmt::print("{:>8} {:>11.3f} {:>14.2f}  {} and {}{}\n", place.contacts, place.max_depth,
                place.lane_distance, place.first_lane, place.second_lane,

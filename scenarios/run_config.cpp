@@ -21,8 +21,8 @@ constexpr const char* kActionStep = "default.action-step-length";
 /// its value where agents, who see its body and pass beside it or wait, drive under SUMO's rules.
 constexpr const char* kJunctionBlocker = "ignore-junction-blocker";
 constexpr const char* kBlockerTime = "10";
-/// SUMO's option for how long [s] a vehicle waits until it accepts the smallest gap, and its value for agents:
-/// the default of rules.patience, their own.
+/// SUMO's option for how long [s] a vehicle waits until it accepts the smallest gap, and its value for
+/// agents: the default of rules.patience, their own.
 constexpr const char* kImpatience = "time-to-impatience";
 constexpr const char* kImpatienceTime = "60";
 

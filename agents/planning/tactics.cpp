@@ -445,11 +445,10 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
   const bool urgent = needed.side != 0 && needed.remaining < lookahead;
   // Too near to the junction to bring the front across the border before it. On the short pieces between two
   // junctions the next one may still hold who left the lane in the last.
-  const bool too_late =
-      to_lane_end < 3.0 + 1.2 * ego.speed &&
-      !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
-                   (needed.remaining < kLastRoom && ego.lane.length > kRoomToChange &&
-                    LeadTogether(ego, needed.side))));
+  const bool too_late = to_lane_end < 3.0 + 1.2 * ego.speed &&
+                        !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
+                                     (needed.remaining < kLastRoom && ego.lane.length > kRoomToChange &&
+                                      LeadTogether(ego, needed.side))));
   // Its rear, still in a bend, would swing out to the other side.
   const bool too_early = ego.vehicle.length > kLongVehicle && ego.s < ego.vehicle.length &&
                          ego.position > 0 && needed.remaining > kLastRoom;

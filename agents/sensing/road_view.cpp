@@ -386,10 +386,10 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (!obstacle.hazard) {
       const double speed = world.traffic->now.speed[row];
       bool stands = speed < kStanding;
-      // SUMO, or the rules, decide who goes first, and who moves across is left to them. But what stands is in
-      // the way, outside the junction and in it; whom we wait for is until it has gone; and so are those of
-      // whom no rule tells: who turns off our own road, and who comes towards us on a way that crosses none of
-      // ours.
+      // SUMO, or the rules, decide who goes first, and who moves across is left to them. But what stands is
+      // in the way, outside the junction and in it; whom we wait for is until it has gone; and so are those
+      // of whom no rule tells: who turns off our own road, and who comes towards us on a way that crosses
+      // none of ours.
       const bool waited_for = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
       const auto unruled = [&] {
         return own_rules && ((obstacle.along < -kGoesAlong && !world.rules->Conflict(world, ego, row)) ||
@@ -421,11 +421,10 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         const bool waits_for_others =
             way_out != nullptr && !has_signal && MustYield(*way_out) && !MeetsUsAhead(world, row, way);
         const float patience = waits_for_others ? kOthersPatience : kPatience;
-        const bool waits_for_us =
-            waits_inside
-                ? its_wait > kPatience && (own_wait > kTimeToGo || !own_rules)
-                : (elder && speed < kCreeping && !has_signal && !waits_for_others && waits_for_ego) ||
-                      (stands && own_wait > patience);
+        const bool waits_for_us = waits_inside ? its_wait > kPatience && (own_wait > kTimeToGo || !own_rules)
+                                               : (elder && speed < kCreeping && !has_signal &&
+                                                  !waits_for_others && waits_for_ego) ||
+                                                     (stands && own_wait > patience);
         if (creeping && waits_for_us) {
           obstacle.forgiven = kWholly;
         } else if (waits_inside && (creeping || !own_rules)) {

@@ -241,9 +241,9 @@ TEST(BendView, ABusReachesIntoTheInsideOfTheBend) {
   EXPECT_NEAR(o.d - o.half_width, -3.2 - 1.25, 0.15);
 }
 
-// The rear of a bus that turns away, 3 m behind its axle, swings out: at 6 m/s and a slip of 0.2 rad 9 m ahead
-// of that axle it yaws by 6 sin(0.2) / 9 rad/s, so the rear moves by three times that in a second; it is kept
-// clear of for two.
+// The rear of a bus that turns away, 3 m behind its axle, swings out: at 6 m/s and a slip of 0.2 rad 9 m
+// ahead of that axle it yaws by 6 sin(0.2) / 9 rad/s, so the rear moves by three times that in a second; it
+// is kept clear of for two.
 TEST(RoadView, TheRearOfABusSwingsOut) {
   const RoadNetwork network = ChainNet(1, 2, 200.0);
   for (const double slip : {0.0, -0.2}) {
