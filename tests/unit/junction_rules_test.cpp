@@ -25,6 +25,14 @@ struct Crossing {
   bool Passed(std::size_t row) const { return fleet.traffic.route_position[row] > 0; }
   const RuleState& Told(std::size_t row) const { return fleet.traffic.now.rule[row]; }
   void Show(const std::string& states) { fleet.traffic.signal_states = {states}; }
+  /// Steps on while `row`, which nobody drives, waits for the vehicle with this number, or for none.
+  void StepWhileItWaitsFor(std::size_t row, std::int32_t number, int steps) {
+    for (int k = 0; k < steps; ++k) {
+      fleet.traffic.now.rule[row] = {};
+      fleet.traffic.now.rule[row].waits_for = number;
+      fleet.Step(kStep);
+    }
+  }
   /// [m] by which the boxes of two vehicles overlap; negative if they do not.
   double Overlap() const {
     const Traffic& t = fleet.traffic;
@@ -199,11 +207,7 @@ TEST(JunctionRules, ACircleIsOpenedPastWhoIsOverItsStopLine) {
     traffic.driven[other] = 0;
     traffic.now.lane[other] = crossing.network.FindLane(":J_0_0");
     traffic.now.s[other] = 1.0;
-    for (int k = 0; k < 100; ++k) {
-      traffic.now.rule[other] = {};
-      if (circle) traffic.now.rule[other].waits_for = traffic.number[ego];
-      crossing.fleet.Step(kStep);
-    }
+    crossing.StepWhileItWaitsFor(other, circle ? traffic.number[ego] : kNone, 100);
     EXPECT_EQ(crossing.Passed(ego), circle);
   }
 }
@@ -218,11 +222,7 @@ TEST(JunctionRules, ACircleInsideTheJunctionIsOpenedAgainstTheRightOfWay) {
     traffic.now.lane[ego] = crossing.network.FindLane(":J_0_0");
     traffic.now.lane[other] = crossing.network.FindLane(":J_3_0");
     traffic.now.s[ego] = traffic.now.s[other] = 1.0;
-    for (int k = 0; k < 100; ++k) {
-      traffic.now.rule[other] = {};
-      if (circle) traffic.now.rule[other].waits_for = traffic.number[ego];
-      crossing.fleet.Step(kStep);
-    }
+    crossing.StepWhileItWaitsFor(other, circle ? traffic.number[ego] : kNone, 100);
     EXPECT_EQ(crossing.Passed(ego), circle);
   }
 }

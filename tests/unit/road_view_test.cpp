@@ -439,6 +439,18 @@ TEST_F(GuardedCrossView, WhoIsWaitedForIsSeenWhileItMoves) {
   EXPECT_EQ(Look(true), 1);
 }
 
+/// How many obstacles row 0 sees where SUMO's checks guard the junction, or the agents' own rules do.
+int SeenNearAJunction(const RoadNetwork& network, bool agents_rule, Scene* scene) {
+  const AgentParams params;
+  JunctionRules rules(network, FitLaneCurves(network, {}), params);
+  World world = scene->Look();
+  rules.Build(world);
+  if (agents_rule) world.rules = &rules;
+  RoadView view;
+  SenseRoad(world, 0, LookAhead(world, 0, 80.0), 45.0, false, &view);
+  return view.obstacle_count;
+}
+
 // Of who comes towards us no rule says who goes first, here on the other side of a road.
 TEST(RoadView, WhoComesTowardsUsIsSeenWhereNoRuleSaysWhoGoesFirst) {
   const RoadNetwork network =
@@ -446,16 +458,8 @@ TEST(RoadView, WhoComesTowardsUsIsSeenWhereNoRuleSaysWhoGoesFirst) {
   Scene scene(network);
   scene.Add({"a"}, 0, 40.0, 5.0);
   scene.Add({"b"}, 0, 40.0, 5.0);
-  const AgentParams params;
-  JunctionRules rules(network, FitLaneCurves(network, {}), params);
-  for (const bool agents_rule : {false, true}) {
-    World world = scene.Look();
-    rules.Build(world);
-    if (agents_rule) world.rules = &rules;
-    RoadView view;
-    SenseRoad(world, 0, LookAhead(world, 0, 60.0), 30.0, false, &view);
-    EXPECT_EQ(view.obstacle_count, agents_rule ? 1 : 0);
-  }
+  EXPECT_EQ(SeenNearAJunction(network, false, &scene), 0);
+  EXPECT_EQ(SeenNearAJunction(network, true, &scene), 1);
 }
 
 // It turns off our road; no rule makes it wait for us, or us for it.
@@ -463,16 +467,8 @@ TEST_F(ChainView, WhoTurnsOffOurRoadIsSeenUnderTheAgentsRules) {
   scene_.Add({"e0", "e1"}, 0, 50.0, 10.0);
   scene_.Add({"e0", "e1"}, 0, 70.0, 6.0);
   scene_.traffic().now.heading_error[1] = 1.3;
-  const AgentParams params;
-  JunctionRules rules(network_, FitLaneCurves(network_, {}), params);
-  for (const bool agents_rule : {false, true}) {
-    World world = scene_.Look();
-    rules.Build(world);
-    if (agents_rule) world.rules = &rules;
-    RoadView view;
-    SenseRoad(world, 0, LookAhead(world, 0, 80.0), 45.0, false, &view);
-    EXPECT_EQ(view.obstacle_count, agents_rule ? 1 : 0);
-  }
+  EXPECT_EQ(SeenNearAJunction(network_, false, &scene_), 0);
+  EXPECT_EQ(SeenNearAJunction(network_, true, &scene_), 1);
 }
 
 TEST_F(ChainView, TheNearestObstaclesAreKept) {

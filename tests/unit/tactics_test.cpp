@@ -381,7 +381,6 @@ TEST_F(TurnerTest, ShunsTheLaneOfOne) {
   EXPECT_EQ(scene_.Decide(0).lane_change, -1);
 }
 
-// A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
 // The lane in the middle is free, but another across it needs it, and says so: both cannot have it.
 TEST(TacticsChain, WhoNeedsTheSameLaneGoesFirst) {
   const RoadNetwork network = ChainNet(1, 3, 500.0);
@@ -397,6 +396,7 @@ TEST(TacticsChain, WhoNeedsTheSameLaneGoesFirst) {
   EXPECT_EQ(scene.Decide(0).lane_change, 1);
 }
 
+// A slow leader on the own lane, the other lane free and as good for the route: MOBIL changes.
 TEST(TacticsChain, OvertakesASlowLeader) {
   const RoadNetwork network = ChainNet(/*edges=*/2, /*lanes=*/2, /*length=*/600.0);
   Scene scene(network);
