@@ -632,7 +632,7 @@ class LaneCurveFitter {
   LaneCurve Fit() const {
     LaneCurve curve;
     curve.length_ = lane_.length;
-    if (line_.vertices().size() < 2) {
+    if (line_.vertices().size() < 2 || RunsBack()) {
       MakePoint(&curve);
     } else {
       MakeSpline(&curve);
@@ -655,6 +655,13 @@ class LaneCurveFitter {
     for (std::size_t i = 1; i + 1 < vertices.size(); ++i) guide.Append(vertices[i]);
     guide.Append(Position(joints.end));
     return guide;
+  }
+
+  /// Where the lanes before and behind overlap by a little, a lane of centimetres leads back.
+  bool RunsBack() const {
+    const Point2 chord = Position(joints_.end) - Position(joints_.start);
+    return Norm(chord) < kJointReach && Dot(chord, Direction(joints_.start.heading)) < 0.0 &&
+           Dot(chord, Direction(joints_.end.heading)) < 0.0;
   }
 
   /// A lane without extent: a place to be, turning from one joint's direction to the other's.

@@ -337,6 +337,20 @@ TEST(LaneCurve, FarAwayStartIsNoJoint) {
   EXPECT_DOUBLE_EQ(net.Fit()[out].At(0.0).x, 10.0);
 }
 
+// netconvert cuts the roads of a node so that they may overlap by centimetres, and joins them by a lane that
+// leads back: who is on it still drives on.
+TEST(LaneCurve, ALaneOfCentimetresThatLeadsBackKeepsTheDirection) {
+  LaneNet net;
+  const LaneIndex in = net.Add({{-50.0, 0.0}, {0.0, 0.0}});
+  const LaneIndex inside = net.Add({{0.0, 0.0}, {-0.07, 0.0}}, true, 0.1);
+  const LaneIndex out = net.Add({{-0.07, 0.0}, {50.0, 0.0}});
+  net.Connect(in, out, inside);
+  net.Connect(inside, out);
+  const auto curves = net.Fit();
+  for (const double s : {0.0, 0.05, 0.1}) EXPECT_NEAR(curves[inside].At(s).heading, 0.0, 1e-9);
+  EXPECT_GT(curves[inside].SpeedCap(0.05), 10.0);
+}
+
 TEST(LaneCurve, DegenerateLanesWork) {
   for (const auto& shape : std::vector<std::vector<Point2>>{
            {}, {{3.0, 4.0}}, {{3.0, 4.0}, {3.0, 4.0}}, {{3.0, 4.0}, {3.1, 4.0}}, {{3.0, 4.0}, {5.0, 4.0}}}) {
