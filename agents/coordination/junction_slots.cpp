@@ -152,6 +152,7 @@ std::optional<double> JunctionSlots::TimeBetween(const Turn& first, const Turn& 
   std::optional<double> least;
   for (const ConflictArea& area : map_.Areas(a)) {
     if (area.foe != second.link) continue;
+    if (area.only_long && !SwingsWide(a, first.length) && !SwingsWide(b, second.length)) continue;
     const double extra = first.extra + second.extra;
     double time = a_after(area.end + extra + first.length) - b_after(std::max(0.0, area.foe_begin - extra)) +
                   params_.margin;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <optional>
 
+#include "agents/core/geometry.h"
+
 namespace lanewise {
 namespace {
 
@@ -11,6 +13,10 @@ namespace {
 constexpr double kSpacing = 0.5;
 /// [m] at which two paths conflict: half the widths of two cars of 1.8 m, and what they may deviate.
 constexpr double kReach = 2.2;
+/// [m] at which a long body that turns meets a car on a path beside: it swings out by 1.5 to 2 m.
+constexpr double kLongReach = 4.2;
+/// [rad] from which a link is a turn.
+constexpr double kTurn = 0.5;
 /// [m] for which vehicles on the lane behind a link still count for its conflicts: where links come together
 /// at the junction's edge, they cross there.
 constexpr double kBeyond = 8.0;
@@ -126,6 +132,8 @@ JunctionMap::JunctionMap(const RoadNetwork& network, const std::vector<LaneCurve
         via = lane.outgoing.empty() ? kNone : network.connections[lane.outgoing.front()].via;
         if (via != kNone && link.wait_at == 0.0f) link.wait_at = link.length;
       }
+      const double before = curves[link.from].At(network.lanes[link.from].length).heading;
+      link.turns = std::abs(WrapAngle(curves[link.to].At(0.0).heading - before)) > kTurn;
       link.speed = static_cast<float>(samples > 0 ? speed_sum / samples : network.lanes[link.to].speed_limit);
       paths.push_back(SampleLink(network, curves, link, connection.via));
     }
@@ -144,12 +152,18 @@ JunctionMap::JunctionMap(const RoadNetwork& network, const std::vector<LaneCurve
     const std::vector<std::int32_t>& others = link_of_request[connection.junction];
     for (std::int32_t r = 0; r < std::ssize(others); ++r) {
       const std::int32_t foe_index = others[r];
-      if (foe_index == kNone || (!Bit(own.foes, r) && !Bit(own.response, r))) continue;
+      if (foe_index == kNone) continue;
       const JunctionLink& foe = links_[foe_index];
+      const bool only_long = !Bit(own.foes, r) && !Bit(own.response, r);
+      if (only_long && (foe.crossing || !(link.turns || foe.turns) ||
+                        network.lanes[foe.from].edge == network.lanes[link.from].edge)) {
+        continue;
+      }
       if (foe.from == link.from) continue;  // Whoever is ahead on the lane is followed.
-      const double reach = foe.crossing ? 0.5 * network.lanes[foe.to].width + kCrossingMargin : kReach;
+      const double between = only_long ? kLongReach : kReach;
+      const double reach = foe.crossing ? 0.5 * network.lanes[foe.to].width + kCrossingMargin : between;
       const auto mine = PartNear(paths[i], paths[foe_index], reach);
-      const auto its = PartNear(paths[foe_index], paths[i], foe.crossing ? kPersonReach : kReach);
+      const auto its = PartNear(paths[foe_index], paths[i], foe.crossing ? kPersonReach : between);
       if (!mine || !its || mine->begin > link.length || its->begin > foe.length) continue;
       ConflictArea area{foe_index,
                         mine->begin,
@@ -158,7 +172,8 @@ JunctionMap::JunctionMap(const RoadNetwork& network, const std::vector<LaneCurve
                         its->end,
                         !foe.crossing && foe.to == link.to,
                         Bit(own.response, r),
-                        Bit(requests[r].response, connection.request)};
+                        Bit(requests[r].response, connection.request),
+                        only_long};
       if (area.merges) {
         area.end = link.length;
         area.foe_end = foe.length;

@@ -19,6 +19,8 @@ struct ConflictArea {
   bool merges{false};              ///< Both lead to the same lane.
   bool yields{false};              ///< The net file has this link give way to the other.
   bool foe_yields{false};          ///< And the other way round.
+  /// Cars pass each other here and no rule tells who goes first: only a long body that turns comes so near.
+  bool only_long{false};
 };
 
 /// A way through a junction, from the stop line of a normal lane to the lane behind the junction; or a
@@ -30,11 +32,19 @@ struct JunctionLink {
   char state{'M'};        ///< Without a signal; SUMO's letter.
   bool crossing{false};   ///< For pedestrians.
   bool keep_clear{true};  ///< Must not be entered without room behind it.
+  bool turns{false};      ///< By so much that a long body swings wide.
   float length{0.0f};     ///< [m] through the junction.
   float wait_at{0.0f};    ///< [m] where one may wait inside the junction; 0: nowhere.
   float speed{13.9f};     ///< [m/s] mean of what its bends and limits allow.
   std::uint32_t first_area{0}, area_count{0};
 };
+
+/// Does a vehicle of this length [m] swing so wide on the link that it meets those of
+/// ConflictArea::only_long?
+inline bool SwingsWide(const JunctionLink& link, double length) {
+  constexpr double kLongBody = 9.0;
+  return link.turns && length > kLongBody;
+}
 
 /// Geometry of all junctions: links and the areas where they conflict. Immutable after construction.
 class JunctionMap {

@@ -332,13 +332,14 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   double its_length = traffic.params[other.row].length;
   if (its_length > kLongBodyFrom && turn == nullptr) its_length += kLongBodyMore;  // Turns have margins.
   const double extra = ExtraWidth(traffic, own.row) + (other.person ? 0.0 : ExtraWidth(traffic, other.row));
-  double foe_begin = area.foe_begin - extra, foe_end = area.foe_end + extra;
+  // An area that reaches back over a stop line begins there.
+  double foe_begin = std::max(0.0, area.foe_begin - extra), foe_end = area.foe_end + extra;
   if (other.backward) {
     const double mirrored = foe.length - foe_end;
     foe_end = foe.length - foe_begin;
     foe_begin = mirrored;
   }
-  const double begin = area.begin - extra, end = area.end + extra;
+  const double begin = std::max(0.0, area.begin - extra), end = area.end + extra;
   const double p = own.position(), q = other.position();
   const bool inside = q > foe_begin;
   if (q - its_length >= foe_end || p > begin) return false;
@@ -367,6 +368,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   const bool goes_after = its_turn != kNone && turn->turn > its_turn;
   // Who comes later by its turn makes room by its speed.
   double its_arrival = TimeTo(world, other, foe_begin, goes_before ? kTurnAccelShare : 1.0);
+  const double its_earliest = its_arrival;  // The same for both who compare.
   if (goes_before) margin = std::min(margin, kTurnMargin * slots_->params().margin);
   if (impatience > 0.0 && !other.person && !its_bound) {
     // The longer the ego has waited, the more it counts on the other to brake gently.
@@ -405,14 +407,15 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
     return true;
   }
   if (its_bound && !own_bound) return its_speed > kStanding || (other.going && forced == 0);
+  const bool comes_first =
+      its_earliest != arrival ? its_earliest < arrival : traffic.number[other.row] < traffic.number[own.row];
   if (own_bound) {  // Both are.
     if (forced > 0 && its_speed < kStanding) return false;
     if (!CanStop(begin - p, speed, traffic.params[own.row].max_decel, 0.1)) return false;
     if (!CanStop(foe_begin - q, its_speed, traffic.params[other.row].max_decel, 0.1)) return true;
     if (area.yields != area.foe_yields && !IsPriority(state)) return area.yields;
     if (area.yields != area.foe_yields && area.foe_yields) return false;
-    return its_arrival != arrival ? its_arrival < arrival
-                                  : traffic.number[other.row] < traffic.number[own.row];
+    return comes_first;
   }
   // Neither is: the turns decide, and the right of way.
   if (forced > 0) return false;
@@ -420,6 +423,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   // Whoever is held itself is not waited for, unless in the end it is the ego that holds it: they would both
   // start.
   if (!other.going && !WaitsFor(world, other.row, own.row)) return false;
+  if (area.only_long) return comes_first;
   if (state == 'w') {
     const float here = traffic.now.rule[own.row].at_line, there = traffic.now.rule[other.row].at_line;
     if (here != there) return there > here;
@@ -435,13 +439,15 @@ AgentIndex JunctionRules::BlockerBehind(const World& world, AgentIndex ego, cons
   const JunctionLink& link = map_.links()[own.link];
   const VehicleParams& vehicle = traffic.params[ego];
   double last_conflict = 0.0;
-  for (const ConflictArea& area : map_.Areas(link)) last_conflict = std::max<double>(last_conflict, area.end);
+  for (const ConflictArea& area : map_.Areas(link)) {
+    if (!area.only_long) last_conflict = std::max<double>(last_conflict, area.end);
+  }
   // Would the ego, its front at `front` [m] on the link, stand where others cross?
   const auto stands_in_the_way = [&](double front) {
     if (front <= 0.0 || front - vehicle.length > last_conflict) return false;
     const auto areas = map_.Areas(link);
     return std::any_of(areas.begin(), areas.end(), [&](const ConflictArea& area) {
-      return front > area.begin && front - vehicle.length < area.end;
+      return !area.only_long && front > area.begin && front - vehicle.length < area.end;
     });
   };
   double filled = vehicle.min_gap;  // [m] for the ego's gap and those who go there before it.
@@ -469,8 +475,10 @@ bool JunctionRules::Conflict(const World& world, AgentIndex a, AgentIndex b) con
   for (const Approach& own : Of(a)) {
     if (TurnOf(world, own)) return true;
     for (const ConflictArea& area : map_.Areas(map_.links()[own.link])) {
-      if (std::any_of(its.begin(), its.end(), [&](const Approach& other) { return other.link == area.foe; }))
+      if (!area.only_long && std::any_of(its.begin(), its.end(),
+                                         [&](const Approach& other) { return other.link == area.foe; })) {
         return true;
+      }
     }
   }
   return false;
@@ -544,8 +552,9 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
   for (const ConflictArea& area : map_.Areas(link)) {
     const double extra = ExtraWidth(traffic, ego);
     if (p > area.end + vehicle.length + extra) continue;
-    const double begin = area.begin - extra;
-    const bool may_wait_inside = link.wait_at > 0.0f && begin >= link.wait_at && p <= link.wait_at;
+    const double begin = std::max(0.0, area.begin - extra);
+    const bool may_wait_inside =
+        link.wait_at > 0.0f && begin >= link.wait_at && p <= link.wait_at && !area.only_long;
     const bool can_halt_at_line = own.stops_at == 0.0f;
     const float stop_at = may_wait_inside    ? link.wait_at
                           : can_halt_at_line ? 0.0f
@@ -555,6 +564,10 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
     if (stop_at >= verdict.stop_at) continue;
     for (const Approach& other : On(area.foe)) {
       if (other.row == ego) continue;
+      if (area.only_long && !SwingsWide(link, vehicle.length) &&
+          !SwingsWide(map_.links()[other.link], traffic.params[other.row].length)) {
+        continue;
+      }
       if (area.merges) {
         // Who is ahead of the ego on the way to the common lane, and will not stop, is followed, as far as
         // the ego does not halt before the area.

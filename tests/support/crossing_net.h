@@ -115,4 +115,46 @@ inline RoadNetwork CrossingBehindNet() {
 <connection from=":J_1" to="b_out" fromLane="0" toLane="0" dir="s" state="M"/></net>)");
 }
 
+/// "w" from the west and "e" from the east both turn left at (0, 0), to "n_out" and "s_out": before each
+/// other, on arcs of 9.6 m 3.4 m apart, so that the net knows of no conflict. Links 0 (from w) and 1 (from
+/// e).
+inline RoadNetwork OpposingTurnsNet() {
+  constexpr double kRadius = kCrossingHalf + kCrossingSide, kTurn = 1.5707963267948966;
+  constexpr int kPieces = 12;
+  struct Arm {
+    const char *name, *to;
+    double side;
+  };
+  std::string text;
+  for (const Arm& arm : {Arm{"w", "n_out", 1.0}, Arm{"e", "s_out", -1.0}}) {
+    const auto point = [&](double x, double y) { return fmt::format("{},{}", arm.side * x, arm.side * y); };
+    const auto edge = [&](const std::string& id, const std::string& ends, double length, const auto& shape) {
+      text += fmt::format(
+          R"(<edge id="{0}" {1}><lane id="{0}_0" index="0" speed="13.89" length="{2}" shape="{3}"/></edge>)",
+          id, ends, length, fmt::join(shape, " "));
+    };
+    using Points = std::vector<std::string>;
+    Points arc;
+    for (int k = 0; k <= kPieces; ++k) {
+      const double a = kTurn * k / kPieces;
+      arc.push_back(point(kRadius * std::sin(a) - kCrossingHalf, kCrossingHalf - kRadius * std::cos(a)));
+    }
+    const std::string inside = arm.side > 0.0 ? ":J_0" : ":J_1";
+    const double far = kCrossingHalf + kArm;
+    edge(inside, "function=\"internal\"", kRadius * kTurn, arc);
+    edge(arm.name, fmt::format("from=\"{}\" to=\"J\"", arm.name), kArm,
+         Points{point(-far, -kCrossingSide), point(-kCrossingHalf, -kCrossingSide)});
+    edge(arm.to, fmt::format("from=\"J\" to=\"{}\"", arm.to), kArm,
+         Points{point(kCrossingSide, kCrossingHalf), point(kCrossingSide, far)});
+    text += fmt::format(
+        R"(<junction id="{0}" type="dead_end" incLanes="" intLanes=""/><junction id="{1}" type="dead_end" incLanes="{1}_0" intLanes=""/>)"
+        R"(<connection from="{0}" to="{1}" fromLane="0" toLane="0" via="{2}_0" dir="l" state="M"/>)"
+        R"(<connection from="{2}" to="{1}" fromLane="0" toLane="0" dir="l" state="M"/>)",
+        arm.name, arm.to, inside);
+  }
+  text +=
+      R"(<junction id="J" type="priority" incLanes="w_0 e_0" intLanes=":J_0_0 :J_1_0"><request index="0" response="00" foes="00" cont="0"/><request index="1" response="00" foes="00" cont="0"/></junction>)";
+  return LoadNetText("<net version=\"1.9\">" + text + "</net>");
+}
+
 }  // namespace lanewise

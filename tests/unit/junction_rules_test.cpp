@@ -91,6 +91,72 @@ TEST(JunctionMap, AConflictMayReachBeyondTheLinksEnd) {
   EXPECT_NEAR(areas[0].foe_end, 14.0 + 2.2, 0.5);
 }
 
+// Where cars pass each other and no rule tells who goes first, buses have a conflict.
+TEST(JunctionMap, OpposingTurnsConflictForLongBodiesOnly) {
+  const RoadNetwork network = OpposingTurnsNet();
+  const JunctionMap map(network, FitLaneCurves(network, {}));
+  ASSERT_EQ(map.links().size(), 2u);
+  for (const JunctionLink& link : map.links()) {
+    EXPECT_TRUE(link.turns);
+    EXPECT_TRUE(SwingsWide(link, 12.0));
+    EXPECT_FALSE(SwingsWide(link, 5.0));
+    const auto areas = map.Areas(link);
+    ASSERT_EQ(areas.size(), 1u);
+    EXPECT_TRUE(areas[0].only_long);
+    EXPECT_FALSE(areas[0].yields || areas[0].foe_yields || areas[0].merges);
+  }
+}
+
+TEST(JunctionRules, TwoBusesDoNotTurnBeforeEachOther) {
+  VehicleParams bus;
+  bus.length = 12.0;
+  bus.width = 2.5;
+  for (const double lead : {0.0, 3.0, 20.0}) {
+    Crossing crossing(OpposingTurnsNet());
+    const std::size_t first = crossing.fleet.Add({"w", "n_out"}, 0, kArm - 40.0, 8.0, bus);
+    const std::size_t second = crossing.fleet.Add({"e", "s_out"}, 0, kArm - 40.0 - lead, 8.0, bus);
+    for (int k = 0; k < 400; ++k) {
+      crossing.fleet.Step(kStep);
+      ASSERT_LT(crossing.Overlap(), 0.0) << lead << " m, step " << k;
+    }
+    EXPECT_TRUE(crossing.Passed(first) && crossing.Passed(second)) << lead;
+  }
+}
+
+// Both have waited for long and count on the other to brake: still only one goes.
+TEST(JunctionRules, OfTwoImpatientBusesOneGoes) {
+  VehicleParams bus;
+  bus.length = 12.0;
+  bus.width = 2.5;
+  Crossing crossing(OpposingTurnsNet());
+  const std::size_t first = crossing.fleet.Add({"w", "n_out"}, 0, kArm - 1.0, 0.0, bus);
+  const std::size_t second = crossing.fleet.Add({"e", "s_out"}, 0, kArm - 1.2, 0.0, bus);
+  crossing.fleet.traffic.now.waited = {30.0f, 30.0f};
+  bool together = false;
+  for (int k = 0; k < 300; ++k) {
+    crossing.fleet.Step(kStep);
+    ASSERT_LT(crossing.Overlap(), 0.0) << "step " << k;
+    together = together || (crossing.InJunction(first) && crossing.InJunction(second));
+  }
+  EXPECT_FALSE(together);
+  EXPECT_TRUE(crossing.Passed(first) && crossing.Passed(second));
+}
+
+TEST(JunctionRules, CarsTurnBeforeEachOther) {
+  Crossing crossing(OpposingTurnsNet());
+  const std::size_t first = crossing.fleet.Add({"w", "n_out"}, 0, kArm - 40.0, 8.0);
+  const std::size_t second = crossing.fleet.Add({"e", "s_out"}, 0, kArm - 40.0, 8.0);
+  bool together = false;
+  for (int k = 0; k < 150; ++k) {
+    crossing.fleet.Step(kStep);
+    EXPECT_EQ(crossing.Told(first).reason, RuleReason::kGo);
+    EXPECT_EQ(crossing.Told(second).reason, RuleReason::kGo);
+    EXPECT_LT(crossing.Overlap(), 0.0);
+    together = together || (crossing.InJunction(first) && crossing.InJunction(second));
+  }
+  EXPECT_TRUE(together);
+}
+
 // Whoever waits there starts only behind the tail of who has left the junction with its front already.
 TEST(JunctionRules, ATailBehindTheJunctionIsWaitedFor) {
   VehicleParams lorry;
