@@ -264,6 +264,7 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   if (leader.row != kNone && !traffic->hazard[leader.row]) {
     context.leader_gap = leader.gap;
     context.leader_speed = leader.speed;
+    context.leader_accel = now.accel[leader.row];
     context.leader_row = leader.row;
   }
   context.time_gap = cruise.time_gap;
@@ -313,8 +314,12 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
     return MustBrakeNow(world, i, leader.row, scratch->view, angle, std::max(0.0, speed + accel * dt), dt);
   };
   if (!queued && !avoided.steers && !emergency && must_brake(steering)) {
-    if (speed < kSteersFrom && now.waited[i] > kWedgedTime)
+    if (speed >= kSteersFrom) {
+      // Who steers back too soon beside something goes on as it steers now.
+      if (!must_brake(now.steering_angle[i])) steering = now.steering_angle[i];
+    } else if (now.waited[i] > kWedgedTime) {
       steering = TurnAway(vehicle, now.steering_angle[i], steering, dt, must_brake);
+    }
     if (must_brake(steering)) accel = control_speed(true);
   }
 

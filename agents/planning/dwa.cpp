@@ -323,7 +323,9 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
   const int padded = RoundUp(courses->count);
   const VehicleParams& vehicle = *c.vehicle;
   const double comfort_decel = std::min(params.driving.comfort_decel, vehicle.max_decel);
-  const auto limits = [&](double gap, double leader_speed, bool cruised) {
+  // By when the ego drives as it wants now.
+  const double lag = params.driving.response_time + vehicle.accel_lag;
+  const auto limits = [&](double gap, double leader_speed, double leader_accel, bool cruised) {
     const double room = gap - vehicle.min_gap;
     double reaction = c.time_gap;
     if (cruised) {
@@ -331,11 +333,13 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
       // brakes harder than the ego can, it stops as from a lower speed.
       reaction = params.v2x.cruise_reaction;
       leader_speed *= std::sqrt(std::min(1.0, vehicle.max_decel / c.leader_decel));
+    } else {
+      leader_speed = std::max(0.0, leader_speed + lag * leader_accel);
     }
     const double safe = SafeSpeed(room, leader_speed, vehicle.max_decel, reaction);
     return std::pair{std::min(safe, SafeSpeed(room, leader_speed, comfort_decel, reaction)), safe};
   };
-  const auto [lane_comfort, lane_safe] = limits(c.leader_gap, c.leader_speed, c.cruising);
+  const auto [lane_comfort, lane_safe] = limits(c.leader_gap, c.leader_speed, c.leader_accel, c.cruising);
   double wanted = std::min(c.free_speed, lane_comfort);
   if (c.cruising)
     wanted = std::min(wanted, std::max(0.0, c.speed + c.cruise_accel * params.driving.response_time));
@@ -355,8 +359,9 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
     // Who comes towards us needs room to stop, too.
     const double oncoming = std::max(0.0, -static_cast<double>(o.speed_s));
     const double its_way = oncoming * vehicle.time_gap + oncoming * oncoming / (2.0 * vehicle.max_decel);
+    const double its_accel = oncoming > 0.0 ? 0.0 : o.along * o.accel;
     const auto [comfort, safe] =
-        limits(gap - its_way, std::max(0.0f, o.speed_s), c.cruising && o.row == c.leader_row);
+        limits(gap - its_way, std::max(0.0f, o.speed_s), its_accel, c.cruising && o.row == c.leader_row);
     // What moves across sweeps a band until the ego is there.
     const float drift = o.speed_d * std::min(o.drift_time, gap / std::max(1.0f, static_cast<float>(c.speed)));
     const float obstacle_right = o.d - o.half_width + std::min(0.0f, drift) - half_width;

@@ -34,6 +34,7 @@ struct PlanContext {
   double leader_gap{
       std::numeric_limits<double>::infinity()};  ///< [m] to the leader on the lane, in the view or beyond.
   double leader_speed{0.0};                      ///< [m/s] of that leader.
+  double leader_accel{0.0};                      ///< [m/s^2] of that leader.
   AgentIndex leader_row{kNone};                  ///< It, if it is a vehicle on the way.
   double time_gap{1.0};                          ///< [s] kept to what is ahead.
   /// Cooperative cruise behind leader_row: the acceleration it asks for, and the leader's braking.

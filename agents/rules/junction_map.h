@@ -39,11 +39,13 @@ struct JunctionLink {
   std::uint32_t first_area{0}, area_count{0};
 };
 
+/// [m] above which a body swings out of its path in a turn.
+inline constexpr double kSwingingBody = 9.0;
+
 /// Does a vehicle of this length [m] swing so wide on the link that it meets those of
 /// ConflictArea::only_long?
 inline bool SwingsWide(const JunctionLink& link, double length) {
-  constexpr double kLongBody = 9.0;
-  return link.turns && length > kLongBody;
+  return link.turns && length > kSwingingBody;
 }
 
 /// Geometry of all junctions: links and the areas where they conflict. Immutable after construction.

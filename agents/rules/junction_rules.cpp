@@ -26,8 +26,8 @@ constexpr double kCheckTime = 1.0, kCheckDistance = 8.0, kListTime = 9.0, kListD
 constexpr double kHalfWidth = 0.9;
 /// [m] for which a vehicle that has left a link still counts on it: the map's conflicts reach as far.
 constexpr double kBehindLink = 8.0;
-/// [m] from which a body is long, and for how much longer it counts: in a turn its rear is beside its path.
-constexpr double kLongBodyFrom = 9.0, kLongBodyMore = 3.0;
+/// [m] for how much longer a long body counts: in a turn its rear is beside its path.
+constexpr double kLongBodyMore = 3.0;
 /// [m/s^2] braking before a bend, and braking one may count on when one's patience is at its end.
 constexpr double kBendDecel = 3.0, kImposedDecel = 2.0;
 /// [s] after which a vehicle in front of whom one crosses must have left.
@@ -330,7 +330,7 @@ bool JunctionRules::GivesWay(const World& world, const Approach& own, const Conf
   const JunctionLink& foe = map_.links()[other.link];
   const double length = traffic.params[own.row].length;
   double its_length = traffic.params[other.row].length;
-  if (its_length > kLongBodyFrom && turn == nullptr) its_length += kLongBodyMore;  // Turns have margins.
+  if (its_length > kSwingingBody && turn == nullptr) its_length += kLongBodyMore;  // Turns have margins.
   const double extra = ExtraWidth(traffic, own.row) + (other.person ? 0.0 : ExtraWidth(traffic, other.row));
   // An area that reaches back over a stop line begins there.
   double foe_begin = std::max(0.0, area.foe_begin - extra), foe_end = area.foe_end + extra;

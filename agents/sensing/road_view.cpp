@@ -216,6 +216,7 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
   if (!person && along < 0.0f && traffic.plan[row] != nullptr && speed > kStanding) {
     obstacle.speed_d = (PlaceAfter(world, row, kDriftTime, view) - obstacle.d) / kDriftTime;
   }
+  obstacle.accel = static_cast<float>(traffic.now.accel[row]);
   obstacle.along = along;
   obstacle.row = row;
   obstacle.hazard = traffic.hazard[row] != 0;
@@ -233,7 +234,7 @@ void LetStop(double distance, double speed, Obstacle* obstacle) {
   const float time = static_cast<float>(distance / speed);
   obstacle->s += time * obstacle->speed_s;
   obstacle->d += time * obstacle->speed_d;
-  obstacle->speed_s = obstacle->speed_d = 0.0f;
+  obstacle->speed_s = obstacle->speed_d = obstacle->accel = 0.0f;
 }
 
 bool IsInJunction(const World& world, AgentIndex row) {
@@ -295,6 +296,16 @@ bool MeetsUsAhead(const World& world, AgentIndex row, const WayAhead& way) {
 const Connection* WayOut(const World& world, AgentIndex row) {
   const Lane& lane = world.network->lanes[world.traffic->now.lane[row]];
   return lane.outgoing.empty() ? nullptr : &world.network->connections[lane.outgoing.front()];
+}
+
+/// Has it, ahead of the ego and from the ego's own lane, begun another way through the junction?
+bool TurnsOff(const World& world, AgentIndex ego, AgentIndex row, const WayAhead& way) {
+  if (!IsInJunction(world, row)) return false;
+  const RoadNetwork& network = *world.network;
+  const LaneIndex lane = world.traffic->now.lane[row];
+  return LaneBefore(network, lane) == LaneBefore(network, world.traffic->now.lane[ego]) &&
+         std::none_of(way.lanes.begin(), way.lanes.begin() + way.count,
+                      [&](const LaneAhead& ahead) { return ahead.lane == lane; });
 }
 
 /// Keeps the nearest kMaxObstacles.
@@ -380,6 +391,9 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
     if (obstacle.s + obstacle.half_length < -ego_length - 10.0) return;
     const bool person = row >= static_cast<AgentIndex>(world.traffic->vehicle_count);
     obstacle.forgiven = 0.0f;
+    // Its rear follows its front out of the way as fast as it drives, not as fast as its heading says.
+    if (!person && obstacle.along > 0.0f && TurnsOff(world, ego, row, way))
+      obstacle.speed_s = static_cast<float>(world.traffic->now.speed[row]);
     // Who stands does not swing out with us in a bend, and a long body swings farther.
     obstacle.parallel = obstacle.along > kGoesAlong && obstacle.speed_s > kCreeping &&
                         world.traffic->params[row].length < kLongBody && IsParallel(world, row, way);

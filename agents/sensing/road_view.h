@@ -83,6 +83,7 @@ struct Obstacle {
   float s, d;                     ///< [m] middle of its box.
   float half_length, half_width;  ///< [m] extent along and across the path.
   float speed_s, speed_d;         ///< [m/s]
+  float accel;                    ///< [m/s^2] along its heading.
   float drift_time;               ///< [s] for which speed_d is taken to last.
   float along;                    ///< Cosine of its heading to the path's.
   AgentIndex row;

@@ -254,6 +254,27 @@ TEST(AgentPipeline, WhoIsWedgedBesideACornerTurnsAwayFromIt) {
   EXPECT_GT(fleet.traffic.now.s[ego], x + 10.0);
 }
 
+// It has swung out past a corner with a decimetre to spare and would steer back into it: it goes straight on
+// until it is past.
+TEST(AgentPipeline, WhoPassesACornerCloselyDoesNotSteerBackIntoIt) {
+  const RoadNetwork network = ChainNet(1, 2, 300.0);
+  Fleet fleet(network);
+  const VehicleParams car;
+  const std::size_t other = fleet.Add({"e0"}, 0, 100.0, 0.0);
+  fleet.traffic.now.d[other] = 0.57;
+  Place(&fleet, other, 100.0, 0.0);
+  const std::size_t ego = fleet.Add({"e0"}, 1, 100.0 - car.length - 0.1, 5.5);
+  fleet.traffic.now.d[ego] = -0.72;
+  fleet.traffic.now.heading_error[ego] = 0.21;
+  fleet.traffic.now.steering_angle[ego] = -0.06;
+  fleet.pipeline().UpdatePoses(&fleet.traffic);
+  for (int k = 0; k < 100; ++k) {
+    fleet.Step(kDt);
+    ASSERT_LT(PenetrationDepth(Box(fleet, ego), Box(fleet, other)), 0.0) << k;
+  }
+  EXPECT_GT(fleet.traffic.now.s[ego], 120.0);
+}
+
 class NoAllocation : public testing::TestWithParam<int> {};
 
 // 200 agents, lanes are changed all the time, so the occupancy lists grow and shrink.

@@ -94,6 +94,23 @@ TEST_F(DwaTest, TheLeaderOfTheLaneLimitsTheSpeed) {
   EXPECT_LE(context_.speed + plan.accel * params_.driving.response_time, safe + 1e-3);
 }
 
+// Who speeds up or brakes ahead is followed as it will drive when the ego has answered, 0.45 s later.
+TEST_F(DwaTest, TheLeadersAccelerationIsAnticipated) {
+  context_.leader_gap = 12.0;
+  context_.leader_speed = 8.0;
+  RollOutCourses(params_.driving, scratch_->view, context_, 1, &scratch_->courses);
+  const double lag = params_.driving.response_time + vehicle_.accel_lag;
+  for (const double accel : {-2.0, 0.0, 1.5}) {
+    context_.leader_accel = accel;
+    LimitCourseSpeeds(params_, scratch_->view, context_, &scratch_->courses);
+    const double room = 12.0 - vehicle_.min_gap, speed = 8.0 + lag * accel;
+    EXPECT_NEAR(scratch_->courses.safe_speed[0],
+                SafeSpeed(room, speed, vehicle_.max_decel, vehicle_.time_gap), 1e-4);
+    EXPECT_NEAR(scratch_->courses.comfort_speed[0],
+                SafeSpeed(room, speed, params_.driving.comfort_decel, vehicle_.time_gap), 1e-4);
+  }
+}
+
 // A car drives beside us at our speed, its right side at 3.2 - 0.9 = 2.3 m. Our left side is at d + 0.9, so
 // with the margin of 0.25 m no course may go beyond 1.15 m (0.02 m is the planner's own tolerance).
 TEST_F(DwaTest, AnObstacleBesideBlocksTheLaneChange) {

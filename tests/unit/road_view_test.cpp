@@ -379,6 +379,46 @@ TEST(ForkView, ATailOnOurRoadIsNotCreptThrough) {
   EXPECT_GT(forgiven(12.0), 100.0f);  // Its tail has left.
 }
 
+// One lane leads straight on to "b" and to the right to "c": whoever turns off there before us makes room as
+// fast as it drives.
+TEST(TurnOffView, WhoTurnsOffBeforeUsMakesRoomAsFastAsItDrives) {
+  const RoadNetwork network = LoadNetText(R"(<net version="1.9">
+    <edge id=":J_0" function="internal">
+      <lane id=":J_0_0" index="0" speed="13.89" length="13" shape="100,0 104,-0.6 107,-3 108,-8"/></edge>
+    <edge id=":J_1" function="internal"><lane id=":J_1_0" index="0" speed="13.89" length="12" shape="100,0 112,0"/></edge>
+    <edge id="a" from="A" to="J"><lane id="a_0" index="0" speed="13.89" length="100" shape="0,0 100,0"/></edge>
+    <edge id="b" from="J" to="B"><lane id="b_0" index="0" speed="13.89" length="100" shape="112,0 212,0"/></edge>
+    <edge id="c" from="J" to="C"><lane id="c_0" index="0" speed="13.89" length="100" shape="108,-8 108,-108"/></edge>
+    <junction id="A" type="dead_end" incLanes="" intLanes=""/>
+    <junction id="B" type="dead_end" incLanes="b_0" intLanes=""/>
+    <junction id="C" type="dead_end" incLanes="c_0" intLanes=""/>
+    <junction id="J" type="priority" incLanes="a_0" intLanes=":J_0_0 :J_1_0">
+      <request index="0" response="00" foes="00" cont="0"/>
+      <request index="1" response="00" foes="00" cont="0"/></junction>
+    <connection from="a" to="c" fromLane="0" toLane="0" via=":J_0_0" dir="r" state="M"/>
+    <connection from="a" to="b" fromLane="0" toLane="0" via=":J_1_0" dir="s" state="M"/>
+    <connection from=":J_0" to="c" fromLane="0" toLane="0" dir="r" state="M"/>
+    <connection from=":J_1" to="b" fromLane="0" toLane="0" dir="s" state="M"/>
+  </net>)");
+  Scene scene(network);
+  scene.Add({"a", "b"}, 0, 90.0, 6.0);
+  scene.Add({"a", "c"}, 0, 90.0, 6.0);
+  scene.traffic().now.lane[1] = network.FindLane(":J_0_0");
+  RoadView view;
+  const auto speed_at = [&](double s) {
+    scene.traffic().now.s[1] = s;
+    const World world = scene.Look();
+    SenseRoad(world, 0, LookAhead(world, 0, 60.0), 45.0, true, &view);
+    return view.obstacle_count == 1 ? view.obstacles[0].speed_s : -1.0f;
+  };
+  EXPECT_NEAR(speed_at(1.0), 6.0f, 0.1f);
+  EXPECT_NEAR(speed_at(7.0), 6.0f, 1e-3f);
+  // On the road behind the junction it is one that drives across.
+  scene.traffic().now.lane[1] = network.FindLane("c_0");
+  scene.traffic().route_position[1] = 1;
+  EXPECT_LT(speed_at(0.5), 2.0f);
+}
+
 // A car that comes towards us is left out while SUMO's checks guard the junction.
 TEST_F(ChainView, CrossingTrafficOnlyWhenAskedFor) {
   scene_.Add({"e0", "e1"}, 0, 50.0, 10.0);
