@@ -170,7 +170,8 @@ struct AgentParams {
     field("dwa.comfort_weight", p.dwa.comfort_weight, "-", Range{0, 100},
           "cost of braking and of changing course", "own choice");
     field("dwa.clearance_margin", p.dwa.clearance_margin, "m", Range{0, 2},
-          "a rollout that comes closer to an obstacle is dropped", "own choice");
+          "at 5 m/s, in proportion from 1.5 to 7 m/s: a rollout that comes closer to an obstacle is dropped",
+          "own choice");
     field("dwa.clearance_comfort", p.dwa.clearance_comfort, "m", Range{0, 5},
           "clearance beyond which an obstacle no longer costs", "own choice");
     field("driving.comfort_decel", p.driving.comfort_decel, "m/s^2", Range{0.5, 9},

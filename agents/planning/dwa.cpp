@@ -46,7 +46,7 @@ SpeedProfiles MakeSpeedProfiles(const AgentParams& params, const PlanContext& c,
 
 /// [m] the gap below which a rollout is dropped: less when creeping, as drivers do.
 float Margin(const DwaParams& params, const PlanContext& c) {
-  return static_cast<float>(params.clearance_margin * std::clamp(c.speed / 5.0, 0.3, 1.0));
+  return static_cast<float>(params.clearance_margin * std::clamp(c.speed / 5.0, 0.3, 1.4));
 }
 
 /// Smallest and largest value of each course over `window` nodes from each node on.
@@ -159,6 +159,9 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
     const float drift = std::abs(o.speed_d) * o.drift_time;
     if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort)
       continue;
+    // A long body that makes room for us at walking speed may stop doing so at once.
+    const bool makes_room = o.half_length > 0.5f * static_cast<float>(kLongBody) &&
+                            std::abs(o.speed_s) < static_cast<float>(kWalkingSpeed) && o.d * o.speed_d > 0.0f;
     const float front_now = courses.front[0][0], rear_now = courses.rear[0][0];
     const float middle_now = courses.bent ? courses.middle[0][0] : front_now;
     const float left_now = Most(front_now, rear_now, middle_now) + half_width;
@@ -175,9 +178,9 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
         if (obstacle_s + o.half_length < front - ego_length || obstacle_s - o.half_length > front) continue;
         const int n = std::min(kPathNodes - 1, static_cast<int>(front / view.spacing));
         // Room between the centre lines: half the ego's width is taken off here once for all courses.
-        const float obstacle_d = o.d + o.speed_d * std::min(t, o.drift_time);
-        const float obstacle_left = obstacle_d + o.half_width - allowance + half_width;
-        const float obstacle_right = obstacle_d - o.half_width + allowance - half_width;
+        const float moved = makes_room ? 0.0f : o.speed_d * std::min(t, o.drift_time);
+        const float obstacle_left = o.d + moved + o.half_width - allowance + half_width;
+        const float obstacle_right = o.d + moved - o.half_width + allowance - half_width;
         float* clearance = scratch->blocked_clearance[i];
         const float* ego_front = courses.front[n];
         const bool abreast = o.parallel && ego_length < kLongBody;
@@ -226,21 +229,31 @@ class Passage {
 
 /// [m] lateral target of the course that may be driven fastest, if there is more room on it than on the
 /// present one; of equal ones that which keeps clearest, then that which turns least.
+/// @param present [m] target of the course the ego is on.
 /// @param beside [m] by course, lateral gap to what is beside the ego.
-double RoomiestCourse(const PlanContext& c, const CourseSet& courses, const float* beside) {
-  const auto turn = [&](int j) { return std::abs(courses.target[j] - c.d); };
-  int present = 0;
+double RoomiestCourse(double present, const CourseSet& courses, const float* beside) {
+  const auto turn = [&](int j) { return std::abs(courses.target[j] - present); };
+  int nearest = 0;
   for (int j = 1; j < courses.count; ++j) {
-    if (turn(j) < turn(present)) present = j;
+    if (turn(j) < turn(nearest)) nearest = j;
   }
-  int best = present;
+  int best = nearest;
   for (int j = 0; j < courses.count; ++j) {
     const auto merit = [&](int k) {
       return std::tuple(courses.safe_speed[k], std::min(courses.clearance[k], beside[k]), -turn(k));
     };
     if (merit(j) > merit(best)) best = j;
   }
-  return best == present ? c.d : courses.target[best];
+  return best == nearest ? present : courses.target[best];
+}
+
+/// [m] lateral target for which the steering stays as it is: who swings out past something and finds no way
+/// must not turn back into it. Creeping it is where the ego is.
+double PresentCourse(const DrivingParams& driving, const PlanContext& c) {
+  if (c.speed < kWalkingSpeed) return c.d;
+  const double reach = std::max(driving.tracking_distance, c.speed * driving.tracking_time);
+  return std::clamp(c.d + reach * (c.heading_error + c.slip), std::min(c.d, c.corridor_min),
+                    std::max(c.d, c.corridor_max));
 }
 
 }  // namespace
@@ -460,7 +473,8 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   if (plan.status == PlanStatus::kOk) return plan;
   // Squeezed from the side, braking is of use only where it gives more room. Ahead, braking on another course
   // may need less of it.
-  squeezed.target_d = RoomiestCourse(c, courses, scratch->blocked_clearance[1]);
+  squeezed.target_d =
+      RoomiestCourse(PresentCourse(params.driving, c), courses, scratch->blocked_clearance[1]);
   return squeezed;
 }
 

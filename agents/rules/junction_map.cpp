@@ -15,6 +15,8 @@ constexpr double kSpacing = 0.5;
 constexpr double kReach = 2.2;
 /// [m] at which a long body that turns meets a car on a path beside: it swings out by 1.5 to 2 m.
 constexpr double kLongReach = 4.2;
+/// [m] by which one waits in a junction before the net's own place where others turn: they cut corners.
+constexpr float kCutCorner = 1.0f;
 /// [rad] from which a link is a turn.
 constexpr double kTurn = 0.5;
 /// [m] for which vehicles on the lane behind a link still count for its conflicts: where links come together
@@ -181,6 +183,9 @@ JunctionMap::JunctionMap(const RoadNetwork& network, const std::vector<LaneCurve
       areas_.push_back(area);
     }
     link.area_count = static_cast<std::uint32_t>(areas_.size()) - link.first_area;
+    const auto passes = [&](const ConflictArea& area) { return !area.only_long && links_[area.foe].turns; };
+    if (std::any_of(areas_.begin() + link.first_area, areas_.end(), passes))
+      link.wait_at = std::max(0.0f, link.wait_at - kCutCorner);
   }
 }
 

@@ -123,6 +123,23 @@ Approach* JunctionRules::Append(AgentIndex row, std::int32_t link, double distan
   return &approach;
 }
 
+/// The link from an edge to `lane`, or to a lane beside it: the vehicle may have changed lanes since.
+std::int32_t JunctionRules::LinkBehind(LaneIndex lane, EdgeIndex from) const {
+  const auto link_to = [&](LaneIndex to) {
+    for (const std::int32_t index : network_.lanes[to].incoming) {
+      const std::int32_t link = map_.LinkOfConnection(index);
+      if (link != kNone && network_.lanes[network_.connections[index].from].edge == from) return link;
+    }
+    return kNone;
+  };
+  std::int32_t link = link_to(lane);
+  const Edge& edge = network_.edges[network_.lanes[lane].edge];
+  for (LaneIndex beside = edge.first_lane; link == kNone && beside < edge.first_lane + edge.lane_count;
+       ++beside)
+    link = link_to(beside);
+  return link;
+}
+
 void JunctionRules::ListLinks(const World& world, AgentIndex row) {
   const Traffic& traffic = *world.traffic;
   const Motion& now = traffic.now;
@@ -147,14 +164,8 @@ void JunctionRules::ListLinks(const World& world, AgentIndex row) {
     ++position;
   } else if (plan != nullptr && s < vehicle.length + kBehindLink && position > 0 &&
              position <= plan->route().size()) {
-    const EdgeIndex behind = plan->route()[position - 1];
-    for (const std::int32_t index : network_.lanes[lane].incoming) {
-      const Connection& connection = network_.connections[index];
-      const std::int32_t link = map_.LinkOfConnection(index);
-      if (link == kNone || network_.lanes[connection.from].edge != behind) continue;
-      Append(row, link, ahead - map_.links()[link].length);
-      break;
-    }
+    const std::int32_t link = LinkBehind(lane, plan->route()[position - 1]);
+    if (link != kNone) Append(row, link, ahead - map_.links()[link].length);
   }
   while (plan != nullptr && lane != kNone) {
     ahead += network_.lanes[lane].length;

@@ -88,6 +88,7 @@ class JunctionRules {
     double time;  // [s] until its front is at the stop line.
   };
 
+  std::int32_t LinkBehind(LaneIndex lane, EdgeIndex from) const;
   void ListLinks(const World& world, AgentIndex row);
   void ListPersons(const World& world);
   Approach* Append(AgentIndex row, std::int32_t link, double distance);

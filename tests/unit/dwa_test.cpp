@@ -127,6 +127,30 @@ TEST_F(DwaTest, AnObstacleBesideBlocksTheLaneChange) {
   }
 }
 
+// A bus beside, its side at 1.6 m, moves away to its lane at 1 m/s. Where it only creeps it may stop at once,
+// and no course may go beyond 1.6 - 0.9 - 0.25 m; if it drives it will be 2.6 m away in a second.
+TEST_F(DwaTest, RoomThatACreepingBusMakesIsNotCountedOn) {
+  context_.speed = 5.0;
+  context_.target_d = 1.2;
+  context_.corridor_max = 1.2;
+  for (const double its_speed : {1.0, 5.0}) {
+    scratch_->view = PathView(ViewHorizon(5.0));
+    AddObstacle(-8.0, 2.5, its_speed, 0.9);
+    Obstacle& bus = scratch_->view.obstacles[0];
+    bus.half_length = 6.0f;
+    bus.s = -1.0f;
+    bus.speed_d = 1.0f;
+    bus.drift_time = 1.0f;
+    const Plan plan = MakePlan();
+    EXPECT_EQ(plan.status, PlanStatus::kOk);
+    if (its_speed < 2.0) {
+      EXPECT_LE(plan.target_d, 0.47);
+    } else {
+      EXPECT_GT(plan.target_d, 0.8);
+    }
+  }
+}
+
 // The same lane, but the car is well behind and keeps its distance: the way is free.
 TEST_F(DwaTest, WhatIsBehindDoesNotBlock) {
   context_.target_d = 3.2;
