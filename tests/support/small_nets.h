@@ -65,6 +65,24 @@ inline RoadNetwork ChainNet(int edges, int lanes, double length, double speed_li
                      "</net>");
 }
 
+/// Junctions and connections of a fork: edge "a", whose lanes are `lanes`, leads from "A" to "J"; from its
+/// lane `left` to "b" by :J_1_0, from lane 0 to "c" by :J_0_0. The edges are the caller's.
+inline std::string ForkLinks(const std::string& lanes, int left) {
+  return fmt::format(R"(
+    <junction id="A" type="dead_end" incLanes="" intLanes=""/>
+    <junction id="B" type="dead_end" incLanes="b_0" intLanes=""/>
+    <junction id="C" type="dead_end" incLanes="c_0" intLanes=""/>
+    <junction id="J" type="priority" incLanes="{0}" intLanes=":J_0_0 :J_1_0">
+      <request index="0" response="00" foes="00" cont="0"/>
+      <request index="1" response="00" foes="00" cont="0"/></junction>
+    <connection from="a" to="c" fromLane="0" toLane="0" via=":J_0_0" dir="r" state="M"/>
+    <connection from="a" to="b" fromLane="{1}" toLane="0" via=":J_1_0" dir="l" state="M"/>
+    <connection from=":J_0" to="c" fromLane="0" toLane="0" dir="r" state="M"/>
+    <connection from=":J_1" to="b" fromLane="0" toLane="0" dir="l" state="M"/>
+  )",
+                     lanes, left);
+}
+
 /// Edge "a" (two lanes, 400 m, 13.89 m/s) forks: its left lane leads to "b", its right lane to "c".
 inline RoadNetwork ForkNet() {
   return LoadNetText(R"(<net version="1.9">
@@ -78,18 +96,8 @@ inline RoadNetwork ForkNet() {
     <edge id="b" from="J" to="B">
       <lane id="b_0" index="0" speed="13.89" length="300" shape="408,4 708,40"/></edge>
     <edge id="c" from="J" to="C">
-      <lane id="c_0" index="0" speed="13.89" length="300" shape="408,-1 708,-40"/></edge>
-    <junction id="A" type="dead_end" incLanes="" intLanes=""/>
-    <junction id="B" type="dead_end" incLanes="b_0" intLanes=""/>
-    <junction id="C" type="dead_end" incLanes="c_0" intLanes=""/>
-    <junction id="J" type="priority" incLanes="a_0 a_1" intLanes=":J_0_0 :J_1_0">
-      <request index="0" response="00" foes="00" cont="0"/>
-      <request index="1" response="00" foes="00" cont="0"/></junction>
-    <connection from="a" to="c" fromLane="0" toLane="0" via=":J_0_0" dir="r" state="M"/>
-    <connection from="a" to="b" fromLane="1" toLane="0" via=":J_1_0" dir="l" state="M"/>
-    <connection from=":J_0" to="c" fromLane="0" toLane="0" dir="r" state="M"/>
-    <connection from=":J_1" to="b" fromLane="0" toLane="0" dir="l" state="M"/>
-  </net>)");
+      <lane id="c_0" index="0" speed="13.89" length="300" shape="408,-1 708,-40"/></edge>)" +
+                     ForkLinks("a_0 a_1", 1) + "</net>");
 }
 
 /// Points of a left-hand arc of `radius` [m] about (0, center_y), through `angle` [rad] from due south of it,

@@ -388,18 +388,8 @@ TEST(TurnOffView, WhoTurnsOffBeforeUsMakesRoomAsFastAsItDrives) {
     <edge id=":J_1" function="internal"><lane id=":J_1_0" index="0" speed="13.89" length="12" shape="100,0 112,0"/></edge>
     <edge id="a" from="A" to="J"><lane id="a_0" index="0" speed="13.89" length="100" shape="0,0 100,0"/></edge>
     <edge id="b" from="J" to="B"><lane id="b_0" index="0" speed="13.89" length="100" shape="112,0 212,0"/></edge>
-    <edge id="c" from="J" to="C"><lane id="c_0" index="0" speed="13.89" length="100" shape="108,-8 108,-108"/></edge>
-    <junction id="A" type="dead_end" incLanes="" intLanes=""/>
-    <junction id="B" type="dead_end" incLanes="b_0" intLanes=""/>
-    <junction id="C" type="dead_end" incLanes="c_0" intLanes=""/>
-    <junction id="J" type="priority" incLanes="a_0" intLanes=":J_0_0 :J_1_0">
-      <request index="0" response="00" foes="00" cont="0"/>
-      <request index="1" response="00" foes="00" cont="0"/></junction>
-    <connection from="a" to="c" fromLane="0" toLane="0" via=":J_0_0" dir="r" state="M"/>
-    <connection from="a" to="b" fromLane="0" toLane="0" via=":J_1_0" dir="s" state="M"/>
-    <connection from=":J_0" to="c" fromLane="0" toLane="0" dir="r" state="M"/>
-    <connection from=":J_1" to="b" fromLane="0" toLane="0" dir="s" state="M"/>
-  </net>)");
+    <edge id="c" from="J" to="C"><lane id="c_0" index="0" speed="13.89" length="100" shape="108,-8 108,-108"/></edge>)" +
+                                          ForkLinks("a_0", 0) + "</net>");
   Scene scene(network);
   scene.Add({"a", "b"}, 0, 90.0, 6.0);
   scene.Add({"a", "c"}, 0, 90.0, 6.0);
