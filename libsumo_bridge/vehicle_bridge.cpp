@@ -413,7 +413,7 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
     now.heading_error[row] =
         before.heading_error[row] + share * (now.heading_error[row] - before.heading_error[row]);
     now.speed[row] =
-        coupled.commanded_speed > 0.0 ? share * before.speed[row] : speed * curves_[lane].scale();
+        coupled.commanded_speed > 0.0 ? share * now.speed[row] : speed * curves_[lane].scale();
     if (speed > kStandingSpeed) now.accel[row] = (now.speed[row] - before.speed[row]) / dt;
     now.speed_ref[row] = now.speed[row];
     now.speed_pid[row] = {};

@@ -9,9 +9,11 @@
 namespace lanewise {
 namespace {
 
-/// [m/s] up to which the ego is watched: the faster, the farther its arc is from where it will go. And
-/// others: whoever drives is the planner's business.
-constexpr double kManoeuvring = 6.0, kWalking = 2.0;
+/// [m/s] up to which the ego is watched over its braking distance: the faster, the farther its arc is from
+/// where it will go. Up to kPassing it is watched over the next kGlance [s].
+constexpr double kManoeuvring = 6.0, kPassing = 9.0, kGlance = 0.3;
+/// [m/s] from which others drive: the planner keeps away from them, the guard only from touching.
+constexpr double kWalking = 2.0;
 /// [m] between the poses that are checked, and the room that must be left.
 constexpr double kStride = 0.2, kRoom = 0.02;
 /// [m] of it that is left when patience is at its end: the ego's way is not quite the arc.
@@ -21,6 +23,10 @@ constexpr double kRoomToTurn = 1.0;
 /// [s] of waiting after which the ego uses the last bit of room beside a vehicle, which may be waiting for
 /// the ego.
 constexpr float kPatience = 8.0f;
+/// [m] beyond the ego's body and braking distance within which the middle of one that drives is looked at.
+constexpr double kDrivesNear = 8.0;
+/// [s] of waiting after which who creeps by may touch what is forgiven: nothing else would end a standstill.
+constexpr float kLastPatience = 60.0f;
 /// [m] around the ego's body, on top of the braking distance, out of which nothing is touched.
 constexpr float kNear = 1.0f;
 
@@ -33,41 +39,73 @@ Footprint FootprintOf(const Traffic& traffic, AgentIndex row) {
 
 bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const RoadView& view,
                   double steering_angle, double speed, double dt) {
-  if (speed > kManoeuvring) return false;
+  if (speed > kPassing) return false;
   const Traffic& traffic = *world.traffic;
+  const Motion& now = traffic.now;
   const VehicleParams& vehicle = traffic.params[ego];
-  const double braking = speed * dt + speed * speed / (2.0 * vehicle.emergency_decel);
-  const bool patient = traffic.now.waited[ego] <= kPatience;
-  const float reach = static_cast<float>(braking + kRoomToTurn) + kNear;
-  const float aside = static_cast<float>(0.5 * vehicle.width) + kNear;
-  const float d = static_cast<float>(traffic.now.d[ego]);
+  const bool glances = speed > kManoeuvring;
+  const double braking =
+      glances ? speed * kGlance : speed * dt + speed * speed / (2.0 * vehicle.emergency_decel);
+  const bool patient = now.waited[ego] <= kPatience && !glances;
   const double slip = SlipAngle(steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
-  for (int m = 0; m < view.obstacle_count; ++m) {
-    const Obstacle& o = view.obstacles[m];
-    if (o.forgiven > 0.0f || o.row == leader || o.s - o.half_length > reach ||
-        o.s + o.half_length < -static_cast<float>(vehicle.length) - kNear ||
-        std::abs(o.d - d) > o.half_width + aside || traffic.now.speed[o.row] > kWalking) {
-      continue;
-    }
-    const bool person = o.row >= static_cast<AgentIndex>(traffic.vehicle_count);
-    const bool with_room = person || patient;
-    const double distance = braking + (with_room ? kRoomToTurn : 0.0);
-    const double its_speed = traffic.now.speed[o.row], its_heading = traffic.now.heading[o.row];
-    Footprint body = FootprintOf(traffic, ego), other = FootprintOf(traffic, o.row);
+  const Footprint own_body = FootprintOf(traffic, ego);
+
+  /// Would the ego touch it? With `room` it stops a metre before, while it is patient.
+  const auto touches = [&](AgentIndex row, bool room) {
+    Footprint body = own_body, other = FootprintOf(traffic, row);
     const double depth_now = PenetrationDepth(body, other);
-    if (depth_now > 0.0) continue;  // Braking does not part them.
-    const double room = !with_room || depth_now > -kRoom ? std::min(kLeastRoom, -depth_now) : kRoom;
+    if (depth_now > 0.0) return false;  // Braking does not part them.
+    const bool person = row >= static_cast<AgentIndex>(traffic.vehicle_count);
+    const bool with_room = room && (person || patient);
+    const double distance = braking + (with_room ? kRoomToTurn : 0.0);
+    const double least = !with_room || depth_now > -kRoom ? std::min(kLeastRoom, -depth_now) : kRoom;
     const int strides = 1 + static_cast<int>(distance / kStride);
-    const double stride = distance / strides, its_stride = its_speed * stride / std::max(speed, 0.1);
+    const double stride = distance / strides, its_stride = now.speed[row] * stride / std::max(speed, 0.1);
+    const double its_dx = its_stride * std::cos(other.front.heading),
+                 its_dy = its_stride * std::sin(other.front.heading);
     for (int k = 0; k < strides; ++k) {
       double unused_speed = stride;  // One step of 1 s.
       StepBicycle(0.0, slip, vehicle.rear_axle_to_front, 1.0, &body.front, &unused_speed);
-      other.front.x += its_stride * std::cos(its_heading);
-      other.front.y += its_stride * std::sin(its_heading);
-      if (PenetrationDepth(body, other) > -room) return true;
+      other.front.x += its_dx;
+      other.front.y += its_dy;
+      if (PenetrationDepth(body, other) > -least) return true;
     }
+    return false;
+  };
+
+  const float reach = static_cast<float>(braking + kRoomToTurn) + kNear;
+  // A long body that stands at an angle to the path reaches far beside its front.
+  const float swing = static_cast<float>(vehicle.length * std::abs(std::sin(now.heading_error[ego])));
+  const float aside = static_cast<float>(0.5 * vehicle.width) + swing + kNear;
+  const float d = static_cast<float>(now.d[ego]);
+  const bool at_last = now.waited[ego] > kLastPatience || world.rules == nullptr;
+  for (int m = 0; m < view.obstacle_count; ++m) {
+    const Obstacle& o = view.obstacles[m];
+    const bool near = o.s - o.half_length < reach &&
+                      o.s + o.half_length > -static_cast<float>(vehicle.length) - kNear &&
+                      std::abs(o.d - d) < o.half_width + aside;
+    const bool forgiven = o.forgiven > 0.0f;
+    if (!near || o.row == leader || now.speed[o.row] > kWalking || (forgiven && at_last)) continue;
+    if (touches(o.row, !forgiven)) return true;
   }
-  return false;
+
+  // Who drives is left to the rules, and may not even be in view: what they grant is not to be touched.
+  if (world.rules == nullptr || glances) return false;
+  const double c = std::cos(own_body.front.heading), s = std::sin(own_body.front.heading);
+  const double radius = 0.5 * vehicle.length + braking + kDrivesNear;
+  bool meets = false;
+  world.grid->ForEachNear(world.center_x[ego], world.center_y[ego], radius, [&](AgentIndex row) {
+    if (meets || row == ego || row == leader || row >= static_cast<AgentIndex>(traffic.vehicle_count) ||
+        now.speed[row] <= kWalking) {
+      return;
+    }
+    const double dx = world.center_x[row] - world.center_x[ego],
+                 dy = world.center_y[row] - world.center_y[ego];
+    // Who drives up from behind has to see to it itself.
+    if (dx * dx + dy * dy > radius * radius || dx * c + dy * s < 0.0) return;
+    meets = touches(row, false);
+  });
+  return meets;
 }
 
 }  // namespace lanewise

@@ -449,9 +449,11 @@ void DecideChange(const Ego& ego, const NeededChange& needed, const Leader& lead
                         !(urgent && (needed.remaining <= to_lane_end + 1.0 ||
                                      (needed.remaining < kLastRoom && ego.lane.length > kRoomToChange &&
                                       LeadTogether(ego, needed.side))));
-  // Its rear, still in a bend, would swing out to the other side.
-  const bool too_early = ego.vehicle.length > kLongVehicle && ego.s < ego.vehicle.length &&
-                         ego.position > 0 && needed.remaining > kLastRoom;
+  // Its rear, still in a bend, would swing out to the other side; or it still stands where SUMO inserts the
+  // next one as soon as it sees nobody on the lane.
+  const bool too_early = ego.position > 0 ? ego.vehicle.length > kLongVehicle && ego.s < ego.vehicle.length &&
+                                                needed.remaining > kLastRoom
+                                          : ego.s < ego.vehicle.length + ego.vehicle.min_gap;
 
   if (std::abs(ego.d) > ego.HalfSpan() + kBodyOver && needed.side * ego.d <= 0.0) {
     ComeOver(ego, tactics);

@@ -27,6 +27,8 @@ constexpr float kDriftTime = 1.0f;
 constexpr float kRearDriftTime = 2.0f;
 /// [m/s^2] and [s]: who brakes by more and stands within this time is taken to be where it will stand.
 constexpr double kBrakes = 1.0, kStopsSoon = 2.0;
+/// [m/s] and [s]: likewise who is so slow and slows down; how long it goes on at that speed.
+constexpr double kCreepsUp = 1.0, kLastCreep = 0.5;
 /// [s] likewise, a corner in the way of one that stands too near to turn away from it.
 constexpr float kWedged = 100.0f;
 /// [m] of overlap forgiven.
@@ -226,6 +228,8 @@ Obstacle Place(const World& world, AgentIndex row, const RoadView& view) {
 /// [m] until it stands; 0: it stands, or it will not soon.
 double StopsWithin(const Motion& now, AgentIndex row) {
   const double speed = now.speed[row], decel = -now.accel[row];
+  // Who creeps up to the place where it waits is as good as there.
+  if (speed < kCreepsUp && decel > 0.0) return kLastCreep * speed;
   return decel > kBrakes && speed < kStopsSoon * decel ? speed * speed / (2.0 * decel) : 0.0;
 }
 
@@ -271,6 +275,14 @@ bool IsOnOtherRoad(const World& world, AgentIndex ego, AgentIndex row, const Way
         return network.lanes[ahead.lane].edge == network.lanes[lane].edge || ahead.lane == before;
       });
   return !same_road && before != LaneBefore(network, world.traffic->now.lane[ego]);
+}
+
+/// A long body that turns with its front beyond its lane's border, where SUMO knows of nobody.
+bool SwingsOut(const World& world, AgentIndex row) {
+  const Traffic& traffic = *world.traffic;
+  const LaneIndex lane = traffic.now.lane[row];
+  return lane != kNone && traffic.driven[row] && traffic.params[row].length >= kLongBody &&
+         std::abs(traffic.now.d[row]) > 0.5 * world.network->lanes[lane].width;
 }
 
 /// Is it on a road of the ego's way, or on a link beside the ego's own?
@@ -403,11 +415,12 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
       // SUMO, or the rules, decide who goes first, and who moves across is left to them. But what stands is
       // in the way, outside the junction and in it; whom we wait for is until it has gone; and so are those
       // of whom no rule tells: who turns off our own road, and who comes towards us on a way that crosses
-      // none of ours.
+      // none of ours; under SUMO's rules a bus that turns over the lane beside its own.
       const bool waited_for = !person && world.traffic->number[row] == world.traffic->now.rule[ego].waits_for;
       const auto unruled = [&] {
-        return own_rules && ((obstacle.along < -kGoesAlong && !world.rules->Conflict(world, ego, row)) ||
-                             !IsOnOtherRoad(world, ego, row, way));
+        if (!own_rules) return !person && SwingsOut(world, row);
+        return (obstacle.along < -kGoesAlong && !world.rules->Conflict(world, ego, row)) ||
+               !IsOnOtherRoad(world, ego, row, way);
       };
       if (!crossing_traffic && !person && obstacle.along <= 0.5f && !stands && !waited_for && !unruled()) {
         const double stop = own_rules ? StopsWithin(world.traffic->now, row) : 0.0;
