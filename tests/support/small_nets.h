@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,31 @@ inline constexpr double kJunctionLength = 8.0;  ///< [m] of every internal lane 
 inline RoadNetwork LoadNetText(const std::string& content) {
   const TemporaryFolder folder;
   return LoadRoadNetwork(folder.Write("net.net.xml", content));
+}
+
+/// A one-lane edge.
+struct PlainEdge {
+  std::string id, from, to;
+  double length;  ///< [m]
+  std::string shape;
+};
+
+/// Edges that end at bare junctions. @param connections as in a net file; where they lead on, the junction is
+/// one of priority.
+inline RoadNetwork PlainNet(const std::vector<PlainEdge>& edges, const std::string& connections = "") {
+  std::map<std::string, std::string> incoming;  // Lanes by junction.
+  std::string net = R"(<net version="1.9">)";
+  for (const PlainEdge& e : edges) {
+    net += fmt::format(
+        R"(<edge id="{0}" from="{1}" to="{2}"><lane id="{0}_0" index="0" speed="13.89" length="{3}" shape="{4}"/></edge>)",
+        e.id, e.from, e.to, e.length, e.shape);
+    incoming[e.from];
+    incoming[e.to] += e.id + "_0 ";
+  }
+  for (const auto& [junction, lanes] : incoming)
+    net += fmt::format(R"(<junction id="{}" type="{}" incLanes="{}" intLanes=""/>)", junction,
+                       connections.empty() ? "dead_end" : "priority", lanes);
+  return LoadNetText(net + connections + "</net>");
 }
 
 /// A straight road eastward from (0, 0): `edges` edges "e0", "e1", ... of `length` [m] with `lanes` lanes,

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "agents/rules/junction_rules.h"
 #include "tests/support/scene.h"
 #include "tests/support/small_nets.h"
 
@@ -66,6 +67,82 @@ TEST_F(BrakeGuard, WhoHasWaitedUsesTheLastBitOfRoom) {
   scene_.traffic().now.waited[0] = 10.0f;
   EXPECT_FALSE(MustBrake(1.5, -0.3));
   EXPECT_TRUE(MustBrake(0.5, -0.3));
+}
+
+// A long body at an angle to its path touches with its flank what is far beside its front.
+TEST_F(BrakeGuard, AlongTheWholeBodyOfABus) {
+  Traffic& traffic = scene_.traffic();
+  traffic.params[0].length = 12.0;
+  traffic.params[0].rear_axle_to_front = 9.0;
+  traffic.params[0].wheelbase = 6.0;
+  traffic.now.heading_error[0] = -0.5;
+  traffic.now.d[0] = -1.0;
+  // 6 m behind the front its left flank is at 6 tan(0.5) + 0.9 / cos(0.5) - 1 = 3.3 m, where straight on it
+  // stays.
+  EXPECT_FALSE(MustBrake(-6.0, 2.55));
+  EXPECT_TRUE(MustBrake(-6.0, 2.55, 0.6));
+}
+
+// Faster it cannot stop any more, but it can keep from steering in.
+TEST_F(BrakeGuard, FasterForTheNextMomentOnly) {
+  Traffic& traffic = scene_.traffic();
+  traffic.now.s[1] = 50.0 + 2.0 + traffic.params[1].length;
+  traffic.now.d[1] = -spacing_;
+  const World world = scene_.Look();
+  SenseRoad(world, 0, LookAhead(world, 0, 30.0), 30.0, true, &view_);
+  EXPECT_FALSE(MustBrakeNow(world, 0, kNone, view_, 0.0, 6.1, 0.1));  // 1.83 m in 0.3 s.
+  EXPECT_TRUE(MustBrakeNow(world, 0, kNone, view_, 0.0, 8.0, 0.1));
+  EXPECT_FALSE(MustBrakeNow(world, 0, kNone, view_, 0.0, 9.1, 0.1));
+}
+
+/// Under the agents' rules the ego drives along "a", another across it on "b".
+class RuledGuard : public testing::Test {
+ protected:
+  RuledGuard() {
+    scene_.Add({"a"}, 0, 45.0, 4.0);
+    scene_.Add({"b"}, 0, 50.0, 5.0);
+    scene_.traffic().params[0].emergency_decel = 8.0;
+  }
+  bool MustBrake(bool agents_rule = true) {
+    World world = scene_.Look();
+    rules_.Build(world);
+    if (agents_rule) world.rules = &rules_;
+    SenseRoad(world, 0, LookAhead(world, 0, 30.0), 30.0, false, &view_);
+    if (forgiven_ > 0.0f)
+      for (int m = 0; m < view_.obstacle_count; ++m) view_.obstacles[m].forgiven = forgiven_;
+    return MustBrakeNow(world, 0, kNone, view_, 0.0, 4.0, 0.1);
+  }
+
+  RoadNetwork network_ =
+      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
+  Scene scene_{network_};
+  AgentParams params_;
+  JunctionRules rules_{network_, FitLaneCurves(network_, {}), params_};
+  RoadView view_;
+  float forgiven_{0.0f};
+};
+
+// The rules grant it the way, so it is not in the view; its tail is still to leave ours.
+TEST_F(RuledGuard, WhatTheRulesGrantIsNotTouched) {
+  scene_.traffic().now.s[0] = 48.5;
+  EXPECT_TRUE(MustBrake());
+  EXPECT_EQ(view_.obstacle_count, 0);
+  EXPECT_FALSE(MustBrake(false));    // SUMO's checks answer for it.
+  scene_.traffic().now.s[0] = 40.0;  // 1.4 m of braking.
+  EXPECT_FALSE(MustBrake());
+  scene_.traffic().now.s[0] = 48.5;
+  scene_.traffic().now.s[1] = 60.0;  // Gone.
+  EXPECT_FALSE(MustBrake());
+}
+
+// By whom it creeps it does not touch, but where nothing else would end a standstill.
+TEST_F(RuledGuard, WhatIsForgivenIsNotTouchedUntilPatienceEnds) {
+  scene_.traffic().now.s[0] = 48.0;
+  scene_.traffic().now.speed[1] = 0.0;
+  forgiven_ = 1e3f;
+  EXPECT_TRUE(MustBrake());
+  scene_.traffic().now.waited[0] = 61.0f;
+  EXPECT_FALSE(MustBrake());
 }
 
 }  // namespace

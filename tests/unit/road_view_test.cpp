@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -14,31 +13,6 @@
 
 namespace lanewise {
 namespace {
-
-/// A one-lane edge.
-struct PlainEdge {
-  std::string id, from, to;
-  double length;  ///< [m]
-  std::string shape;
-};
-
-/// Edges that end at bare junctions. @param connections as in a net file; where they lead on, the junction is
-/// one of priority.
-RoadNetwork PlainNet(const std::vector<PlainEdge>& edges, const std::string& connections = "") {
-  std::map<std::string, std::string> incoming;  // Lanes by junction.
-  std::string net = R"(<net version="1.9">)";
-  for (const PlainEdge& e : edges) {
-    net += fmt::format(
-        R"(<edge id="{0}" from="{1}" to="{2}"><lane id="{0}_0" index="0" speed="13.89" length="{3}" shape="{4}"/></edge>)",
-        e.id, e.from, e.to, e.length, e.shape);
-    incoming[e.from];
-    incoming[e.to] += e.id + "_0 ";
-  }
-  for (const auto& [junction, lanes] : incoming)
-    net += fmt::format(R"(<junction id="{}" type="{}" incLanes="{}" intLanes=""/>)", junction,
-                       connections.empty() ? "dead_end" : "priority", lanes);
-  return LoadNetText(net + connections + "</net>");
-}
 
 class ChainView : public testing::Test {
  protected:
@@ -459,6 +433,27 @@ TEST_F(GuardedCrossView, WhoBrakesIsWhereItWillStand) {
   EXPECT_EQ(Look(false), 0);             // SUMO may let it go on.
   scene_.traffic().now.accel[1] = -2.0;  // It would stand in 3 s: much may change until then.
   EXPECT_EQ(Look(true), 0);
+}
+
+// Who creeps up to the place where it waits will hardly move any more.
+TEST_F(GuardedCrossView, WhoCreepsToAHaltIsSeen) {
+  Add(5.0, 46.0, 0.8);
+  EXPECT_EQ(Look(true), 0);              // It may be about to start.
+  scene_.traffic().now.accel[1] = -0.2;  // It slows down.
+  ASSERT_EQ(Look(true), 1);
+  EXPECT_NEAR(view_.obstacles[0].d + view_.obstacles[0].half_width, -4.0 + 0.5 * 0.8, 0.01);
+  EXPECT_EQ(Look(false), 0);
+}
+
+// SUMO knows a bus on its lane only, not over the one beside it.
+TEST_F(GuardedCrossView, ABusThatSwingsOutIsSeenUnderSumosRules) {
+  Add(5.0, 46.0, 4.0);
+  scene_.traffic().params[1].length = 12.0;
+  EXPECT_EQ(Look(false), 0);
+  scene_.traffic().now.d[1] = -2.0;  // Its lane is 3.2 m wide.
+  EXPECT_EQ(Look(false), 1);
+  scene_.traffic().params[1].length = 5.0;
+  EXPECT_EQ(Look(false), 0);
 }
 
 // Whom we wait for is in our way until it has gone.

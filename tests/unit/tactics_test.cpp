@@ -39,6 +39,19 @@ TEST_F(TacticsTest, ANeededChangeBeginsInTime) {
   EXPECT_GE(tactics.corridor_max, kLaneWidth);
 }
 
+// Where a trip begins SUMO inserts the next one as soon as it sees nobody on the lane: the tail must have
+// left.
+TEST_F(TacticsTest, NoChangeWhileTheTailIsWhereTheNextOneDeparts) {
+  AgentParams params;
+  params.lane_change.lookahead_time = 40.0;  // It needs the change at once.
+  scene_.Add({"a", "b"}, 0, 0.0, 5.0);
+  const VehicleParams& vehicle = scene_.traffic().params[0];
+  scene_.traffic().now.s[0] = vehicle.length + vehicle.min_gap - 0.5;
+  EXPECT_EQ(scene_.Decide(0, params).lane_change, 0);
+  scene_.traffic().now.s[0] += 1.0;
+  EXPECT_EQ(scene_.Decide(0, params).lane_change, 1);
+}
+
 TEST_F(TacticsTest, OnTheRightLaneNothingIsNeeded) {
   scene_.Add({"a", "c"}, 0, 350.0, 10.0);
   const Tactics tactics = scene_.Decide(0);
