@@ -406,14 +406,14 @@ void VehicleBridge::ReadDriven(std::size_t row, LaneIndex lane, double s, double
   coupled.route_changed = false;
 
   if (std::abs(speed - coupled.commanded_speed) > CouplingAudit::kTolerance) {
-    // SUMO drove less far: so the lateral motion did not get as far either.
-    const double share =
-        coupled.commanded_speed > 0.0 ? std::clamp(speed / coupled.commanded_speed, 0.0, 1.0) : 0.0;
+    // SUMO drove less far, and then the lateral motion did not get as far either; or farther, where it brakes
+    // less hard.
+    const bool moves = coupled.commanded_speed > kStandingSpeed;
+    const double ratio = moves ? speed / coupled.commanded_speed : 0.0, share = std::min(ratio, 1.0);
     now.d[row] = before.d[row] + share * (now.d[row] - before.d[row]);
     now.heading_error[row] =
         before.heading_error[row] + share * (now.heading_error[row] - before.heading_error[row]);
-    now.speed[row] =
-        coupled.commanded_speed > 0.0 ? share * now.speed[row] : speed * curves_[lane].scale();
+    now.speed[row] = moves ? ratio * now.speed[row] : speed * curves_[lane].scale();
     if (speed > kStandingSpeed) now.accel[row] = (now.speed[row] - before.speed[row]) / dt;
     now.speed_ref[row] = now.speed[row];
     now.speed_pid[row] = {};
