@@ -61,13 +61,13 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
     const double least = !with_room || depth_now > -kRoom ? std::min(kLeastRoom, -depth_now) : kRoom;
     const int strides = 1 + static_cast<int>(distance / kStride);
     const double stride = distance / strides, its_stride = now.speed[row] * stride / std::max(speed, 0.1);
-    const double its_dx = its_stride * std::cos(other.front.heading),
-                 its_dy = its_stride * std::sin(other.front.heading);
+    const VehicleParams& its = traffic.params[row];
+    const double its_slip =
+        person ? 0.0 : SlipAngle(now.steering_angle[row], its.wheelbase, its.rear_axle_to_front);
     for (int k = 0; k < strides; ++k) {
-      double unused_speed = stride;  // One step of 1 s.
+      double unused_speed = stride, its_unused_speed = its_stride;  // One step of 1 s.
       StepBicycle(0.0, slip, vehicle.rear_axle_to_front, 1.0, &body.front, &unused_speed);
-      other.front.x += its_dx;
-      other.front.y += its_dy;
+      StepBicycle(0.0, its_slip, its.rear_axle_to_front, 1.0, &other.front, &its_unused_speed);
       if (PenetrationDepth(body, other) > -least) return true;
     }
     return false;

@@ -135,6 +135,25 @@ TEST_F(RuledGuard, WhatTheRulesGrantIsNotTouched) {
   EXPECT_FALSE(MustBrake());
 }
 
+// Its middle is past the ego's, its tail is not: turning left the ego would touch it.
+TEST(TailGuard, WhoComesTowardsTheEgoIsLookedAtUntilItsTailIsPast) {
+  const RoadNetwork network =
+      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "B", "A", 100, "100,3.6 0,3.6"}}, "");
+  Scene scene(network);
+  scene.Add({"a"}, 0, 50.0, 4.0);
+  scene.Add({"b"}, 0, 64.0, 8.0);  // From x = 36 to 56 m.
+  scene.traffic().params[1].length = 20.0;
+  scene.traffic().params[1].width = 5.0;  // 0.2 m beside the ego.
+  const AgentParams params;
+  JunctionRules rules(network, FitLaneCurves(network, {}), params);
+  World world = scene.Look();
+  rules.Build(world);
+  world.rules = &rules;
+  const RoadView nothing_in_view{};
+  EXPECT_FALSE(MustBrakeNow(world, 0, kNone, nothing_in_view, 0.0, 4.0, 0.1));
+  EXPECT_TRUE(MustBrakeNow(world, 0, kNone, nothing_in_view, 0.5, 4.0, 0.1));
+}
+
 // By whom it creeps it does not touch, but where nothing else would end a standstill.
 TEST_F(RuledGuard, WhatIsForgivenIsNotTouchedUntilPatienceEnds) {
   scene_.traffic().now.s[0] = 48.0;
