@@ -101,8 +101,10 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
     }
     const double dx = world.center_x[row] - world.center_x[ego],
                  dy = world.center_y[row] - world.center_y[ego];
+    if (dx * dx + dy * dy > radius * radius) return;
     // Who drives up from behind has to see to it itself.
-    if (dx * dx + dy * dy > radius * radius || dx * c + dy * s < 0.0) return;
+    const bool same_way = c * std::cos(now.heading[row]) + s * std::sin(now.heading[row]) > 0.0;
+    if (same_way && dx * c + dy * s < 0.0) return;
     meets = touches(row, false);
   });
   return meets;

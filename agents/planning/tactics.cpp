@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "agents/core/geometry.h"
 #include "agents/planning/car_following.h"
 
 namespace lanewise {
@@ -50,8 +49,6 @@ constexpr double kLastChance = 12.0, kLastChanceSpeed = 1.0;
 /// [s] of waiting after which it does so even if nobody passes it: it may be a link of a circle of vehicles
 /// that wait for each other, which nothing else would open.
 constexpr float kStuck = 120.0f;
-/// [m] ahead in which nobody drives up beside a long vehicle in a turn by more than kSharpTurn [rad].
-constexpr double kTurnView = 30.0, kSharpTurn = 0.5;
 /// [m/s^2] braking an agent accepts to find a gap for a change it needs.
 constexpr double kAlignDecel = 1.5;
 
@@ -316,32 +313,6 @@ double KeepToKerb(const Ego& ego, const WayAhead& way) {
   return ego.d + std::clamp(reach * std::atan2(dy * c - dx * s, dx * c + dy * s), -kMaxCut, kMaxCut);
 }
 
-/// Keeps behind a long vehicle on the lane beside in a turn: its rear cuts the corner by more than two lanes
-/// leave between a bus and a car.
-void KeepBehindInTurn(const Ego& ego, const WayAhead& way, Tactics* tactics) {
-  const RoadNetwork& network = *ego.world.network;
-  const Traffic& traffic = *ego.world.traffic;
-  const std::vector<LaneCurve>& curves = *ego.world.curves;
-  for (int k = 0; k < way.count && way.lanes[k].start < kTurnView; ++k) {
-    const LaneIndex lane = way.lanes[k].lane;
-    if (!network.lanes[lane].internal) continue;
-    const double turn =
-        WrapAngle(curves[lane].At(network.lanes[lane].length).heading - curves[lane].At(0.0).heading);
-    if (std::abs(turn) < kSharpTurn) continue;
-    for (const int side : {-1, +1}) {
-      const LaneIndex beside = network.Neighbor(lane, side);
-      if (beside == kNone) continue;
-      for (const Occupant& other : ego.world.occupancy->On(beside)) {
-        const double length = traffic.params[other.row].length;
-        const double ahead = way.lanes[k].start + Abeam(curves[beside], other.s, curves[lane]);
-        if (length < kLongVehicle || traffic.now.lane[other.row] != beside || ahead <= 0.0) continue;
-        const double speed = FollowSpeed(ego, ahead - length, traffic.now.speed[other.row], kAlignDecel);
-        tactics->speed_cap = std::min(tactics->speed_cap, SoftCap(ego, speed, kAlignDecel));
-      }
-    }
-  }
-}
-
 /// Does `other`, on a lane at this side of the ego's way, ask to be let in here?
 bool Asks(const Ego& ego, const Occupant& other, LaneIndex its_lane, int side) {
   const Traffic& traffic = *ego.world.traffic;
@@ -590,7 +561,6 @@ Tactics DecideTactics(const World& world, const AgentParams& params, AgentIndex 
   }
   if (tactics.target_d == 0.0) tactics.target_d = KeepToKerb(ego, way);
   if (tactics.lane_change == 0) LetIn(ego, way, leader, &tactics);
-  KeepBehindInTurn(ego, way, &tactics);
   if (!way.leads_on) {
     // Who gets no gap does not stand in the way of those behind for long.
     const bool stuck = (traffic.now.waited[row] > kStuck || in_circle) && leader.gap > way.length;

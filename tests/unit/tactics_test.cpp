@@ -1,10 +1,6 @@
 #include "agents/planning/tactics.h"
 
-#include <fmt/core.h>
-#include <fmt/ranges.h>
 #include <gtest/gtest.h>
-
-#include <numbers>
 
 #include "tests/support/scene.h"
 #include "tests/support/small_nets.h"
@@ -244,6 +240,24 @@ TEST_F(TacticsTest, TwoThatNeedEachOthersLaneChangePlaces) {
   EXPECT_LT(scene_.Decide(1).speed_cap, 0.5);
 }
 
+// Who drives on to change places with the one beside it keeps room for the change that follows.
+TEST(TacticsChain, WhoGoesFirstKeepsRoomForTheNextChange) {
+  const RoadNetwork network = ChainNet(/*edges=*/1, /*lanes=*/3, /*length=*/400.0);
+  Scene scene(network);
+  scene.Add({"e0"}, 0, 300.0, 0.0);
+  scene.Add({"e0"}, 1, 300.0, 0.0);
+  Traffic& traffic = scene.traffic();
+  traffic.params[1].length = 12.0;
+  traffic.now.urgent[1] = 1;
+  traffic.now.blinker[1] = -1;
+  const AgentParams params;
+  traffic.stop_distance[0] = params.lane_change.reserve;
+  traffic.stop_lane[0] = 1;
+  EXPECT_GT(scene.Decide(0).speed_cap, 5.0);
+  traffic.stop_lane[0] = 2;
+  EXPECT_LT(scene.Decide(0).speed_cap, 0.5);
+}
+
 // The one that asks is 15 m ahead too, but behind the next junction, on an edge of 25 m: pieces of a
 // roundabout are no longer than that.
 TEST(TacticsChain, LetsInBehindTheJunctionToo) {
@@ -346,46 +360,6 @@ TEST(TacticsBend, LongVehiclesKeepToTheKerb) {
       EXPECT_LE(kerb * scene.Decide(0).target_d, 5.0);
     }
   }
-}
-
-/// Two lanes of "a" that turn left into "b" side by side, 20 and 23.2 m from the turn's middle.
-RoadNetwork TurnNet() {
-  const double inner = 20.0, outer = inner + kLaneWidth, quarter = 0.5 * std::numbers::pi;
-  return LoadNetText(fmt::format(
-      R"(<net version="1.9"><edge id=":J_0" function="internal">
-      <lane id=":J_0_0" index="0" speed="13.89" length="{0}" shape="{1}"/>
-      <lane id=":J_0_1" index="1" speed="13.89" length="{2}" shape="{3}"/></edge>
-      <edge id="a" from="A" to="J"><lane id="a_0" index="0" speed="13.89" length="100" shape="-100,0 0,0"/>
-      <lane id="a_1" index="1" speed="13.89" length="100" shape="-100,{4} 0,{4}"/></edge>
-      <edge id="b" from="J" to="B"><lane id="b_0" index="0" speed="13.89" length="100" shape="{5},{5} {5},150"/>
-      <lane id="b_1" index="1" speed="13.89" length="100" shape="{6},{5} {6},150"/></edge>
-      <junction id="A" type="dead_end" incLanes="" intLanes=""/>
-      <junction id="J" type="priority" incLanes="a_0 a_1" intLanes=":J_0_0 :J_0_1">
-      <request index="0" response="00" foes="00" cont="0"/><request index="1" response="00" foes="00" cont="0"/></junction>
-      <junction id="B" type="dead_end" incLanes="b_0 b_1" intLanes=""/>
-      <connection from="a" to="b" fromLane="0" toLane="0" via=":J_0_0" dir="l" state="M"/>
-      <connection from="a" to="b" fromLane="1" toLane="1" via=":J_0_1" dir="l" state="M"/>
-      <connection from=":J_0" to="b" fromLane="0" toLane="0" dir="l" state="M"/>
-      <connection from=":J_0" to="b" fromLane="1" toLane="1" dir="l" state="M"/></net>)",
-      outer * quarter, fmt::join(ArcPoints(outer, outer, quarter), " "), inner * quarter,
-      fmt::join(ArcPoints(inner, outer, quarter), " "), kLaneWidth, outer, inner));
-}
-
-// Its rear cuts the corner: who is behind its front stays behind it, who is past it drives on.
-TEST(TacticsBend, NobodyDrivesUpBesideABusInATurn) {
-  const RoadNetwork network = TurnNet();
-  Scene scene(network);
-  scene.Add({"a", "b"}, 1, 95.0, 8.0);
-  scene.Add({"a", "b"}, 0, 90.0, 3.0);
-  Traffic& traffic = scene.traffic();
-  traffic.now.lane[1] = network.FindLane(":J_0_0");
-  traffic.now.s[1] = 13.0;
-  EXPECT_GT(scene.Decide(0).speed_cap, 100.0);  // Beside a car.
-  traffic.params[1].length = 12.0;
-  EXPECT_LT(scene.Decide(0).speed_cap, 8.0);
-  traffic.now.lane[0] = network.FindLane(":J_0_1");
-  traffic.now.s[0] = 14.0;
-  EXPECT_GT(scene.Decide(0).speed_cap, 100.0);
 }
 
 // Ten cars crawl far ahead on the own lane, behind the next junction: too far for the car-following law, but
