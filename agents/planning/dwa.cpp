@@ -228,10 +228,12 @@ class Passage {
 };
 
 /// [m] lateral target of the course that may be driven fastest, if there is more room on it than on the
-/// present one; of equal ones that which keeps clearest, then that which turns least.
+/// present one; of equal ones that which keeps clearest, then that which turns least. None that comes nearer
+/// to what is beside the ego than the present one.
 /// @param present [m] target of the course the ego is on.
 /// @param beside [m] by course, lateral gap to what is beside the ego.
 double RoomiestCourse(double present, const CourseSet& courses, const float* beside) {
+  constexpr float kAsNear = 0.05f;  // [m]
   const auto turn = [&](int j) { return std::abs(courses.target[j] - present); };
   int nearest = 0;
   for (int j = 1; j < courses.count; ++j) {
@@ -240,20 +242,41 @@ double RoomiestCourse(double present, const CourseSet& courses, const float* bes
   int best = nearest;
   for (int j = 0; j < courses.count; ++j) {
     const auto merit = [&](int k) {
-      return std::tuple(courses.safe_speed[k], std::min(courses.clearance[k], beside[k]), -turn(k));
+      const bool keeps_off = beside[k] > beside[nearest] - kAsNear;
+      return std::tuple(keeps_off, courses.safe_speed[k], std::min(courses.clearance[k], beside[k]),
+                        -turn(k));
     };
     if (merit(j) > merit(best)) best = j;
   }
   return best == nearest ? present : courses.target[best];
 }
 
+/// The side, +1 left or -1 right, of the body beside the ego, or just ahead, that is nearest to its flank; 0:
+/// none.
+double TightSide(const RoadView& view, const PlanContext& c) {
+  constexpr float kJustAhead = 5.0f;  // [m]
+  float nearest = std::numeric_limits<float>::infinity(), side = 0.0f;
+  for (int m = 0; m < view.obstacle_count; ++m) {
+    const Obstacle& o = view.obstacles[m];
+    if (o.s - o.half_length > kJustAhead || o.s + o.half_length < -static_cast<float>(c.vehicle->length))
+      continue;
+    const float away = o.d - static_cast<float>(c.d), gap = std::abs(away) - o.half_width;
+    if (gap >= nearest) continue;
+    nearest = gap;
+    side = away > 0.0f ? 1.0f : -1.0f;
+  }
+  return side;
+}
+
 /// [m] lateral target for which the steering stays as it is: who swings out past something and finds no way
-/// must not turn back into it. Creeping it is where the ego is.
-double PresentCourse(const DrivingParams& driving, const PlanContext& c) {
+/// must not turn back into it. Where the ego is while it creeps, or if the course leads towards what is
+/// nearest.
+double PresentCourse(const DrivingParams& driving, const RoadView& view, const PlanContext& c) {
   if (c.speed < kWalkingSpeed) return c.d;
   const double reach = std::max(driving.tracking_distance, c.speed * driving.tracking_time);
-  return std::clamp(c.d + reach * (c.heading_error + c.slip), std::min(c.d, c.corridor_min),
-                    std::max(c.d, c.corridor_max));
+  const double shift = reach * (c.heading_error + c.slip);
+  if (shift * TightSide(view, c) > 0.0) return c.d;
+  return std::clamp(c.d + shift, std::min(c.d, c.corridor_min), std::max(c.d, c.corridor_max));
 }
 
 }  // namespace
@@ -474,7 +497,7 @@ Plan PlanDwa(const AgentParams& params, const PlanContext& c, PlanScratch* scrat
   // Squeezed from the side, braking is of use only where it gives more room. Ahead, braking on another course
   // may need less of it.
   squeezed.target_d =
-      RoomiestCourse(PresentCourse(params.driving, c), courses, scratch->blocked_clearance[1]);
+      RoomiestCourse(PresentCourse(params.driving, scratch->view, c), courses, scratch->blocked_clearance[1]);
   return squeezed;
 }
 

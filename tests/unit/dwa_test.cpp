@@ -235,6 +235,33 @@ TEST_F(DwaTest, SqueezedFromBothSidesItDoesNotBrakeInVain) {
   EXPECT_LE(MakePlan().accel, 1e-6);
 }
 
+// It cannot stop before what stands 14 m ahead, and could pass it on the right but for the car beside it.
+TEST_F(DwaTest, TheWayOutIsNotThroughWhatIsBeside) {
+  context_.corridor_min = -2.5;
+  context_.corridor_max = 2.5;
+  context_.speed = 14.0;
+  AddObstacle(14.0, 1.2, 0.0, 1.3);
+  EXPECT_LT(MakePlan().target_d, -1.5);
+  AddObstacle(-2.3, -2.4, 0.0, 0.9);
+  const Plan plan = MakePlan();
+  EXPECT_EQ(plan.status, PlanStatus::kNoFeasibleCommand);
+  EXPECT_GE(plan.target_d, -0.1);
+}
+
+// The road is blocked too near to stop: it goes on as it steers where that leads away from what is beside it,
+// else it holds its place.
+TEST_F(DwaTest, WithNothingFeasibleItDoesNotSteerTowardsWhatIsNearest) {
+  context_.speed = 14.0;
+  AddObstacle(8.0, 0.0, 0.0, 5.0);
+  AddObstacle(-2.3, -2.4, 0.0, 0.9);
+  context_.heading_error = -0.03;
+  EXPECT_EQ(MakePlan().status, PlanStatus::kNoFeasibleCommand);
+  EXPECT_EQ(MakePlan().target_d, context_.d);
+  context_.heading_error = 0.03;
+  EXPECT_EQ(MakePlan().status, PlanStatus::kNoFeasibleCommand);
+  EXPECT_GT(MakePlan().target_d, context_.d);
+}
+
 // Both come on at 10 m/s, 40 m apart: the room is shared, so we plan to stop in less than if it stood.
 TEST_F(DwaTest, WhoComesTowardsUsNeedsRoomToo) {
   AddObstacle(40.0, 0.0, -10.0, 0.9);
