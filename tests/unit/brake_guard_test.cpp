@@ -2,9 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "agents/rules/junction_rules.h"
-#include "tests/support/scene.h"
-#include "tests/support/small_nets.h"
+#include "tests/support/ruled_crossing.h"
 
 namespace lanewise {
 namespace {
@@ -95,8 +93,8 @@ TEST_F(BrakeGuard, FasterForTheNextMomentOnly) {
   EXPECT_FALSE(MustBrakeNow(world, 0, kNone, view_, 0.0, 9.1, 0.1));
 }
 
-/// Under the agents' rules the ego drives along "a", another across it on "b".
-class RuledGuard : public testing::Test {
+/// The ego drives along "a", another across it on "b".
+class RuledGuard : public RuledCrossing {
  protected:
   RuledGuard() {
     scene_.Add({"a"}, 0, 45.0, 4.0);
@@ -104,21 +102,12 @@ class RuledGuard : public testing::Test {
     scene_.traffic().params[0].emergency_decel = 8.0;
   }
   bool MustBrake(bool agents_rule = true) {
-    World world = scene_.Look();
-    rules_.Build(world);
-    if (agents_rule) world.rules = &rules_;
-    SenseRoad(world, 0, LookAhead(world, 0, 30.0), 30.0, false, &view_);
+    const World world = Sense(agents_rule, 30.0);
     if (forgiven_ > 0.0f)
       for (int m = 0; m < view_.obstacle_count; ++m) view_.obstacles[m].forgiven = forgiven_;
     return MustBrakeNow(world, 0, kNone, view_, 0.0, 4.0, 0.1);
   }
 
-  RoadNetwork network_ =
-      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
-  Scene scene_{network_};
-  AgentParams params_;
-  JunctionRules rules_{network_, FitLaneCurves(network_, {}), params_};
-  RoadView view_;
   float forgiven_{0.0f};
 };
 

@@ -8,8 +8,7 @@
 #include <vector>
 
 #include "agents/vehicle/kinematic_bicycle.h"
-#include "tests/support/scene.h"
-#include "tests/support/small_nets.h"
+#include "tests/support/ruled_crossing.h"
 
 namespace lanewise {
 namespace {
@@ -398,7 +397,7 @@ TEST_F(ChainView, CrossingTrafficOnlyWhenAskedFor) {
 
 /// Row 0 on "a", its front at x = 40 of a straight path; row 1 on "b", which crosses it at x = 50. The rules
 /// decide who goes first: what crosses is left out.
-class GuardedCrossView : public testing::Test {
+class GuardedCrossView : public RuledCrossing {
  protected:
   void Add(double speed, double other_s, double other_speed) {
     scene_.Add({"a"}, 0, 40.0, speed);
@@ -406,19 +405,9 @@ class GuardedCrossView : public testing::Test {
   }
   /// @return how many obstacles row 0 sees.
   int Look(bool agents_rule) {
-    World world = scene_.Look();
-    rules_.Build(world);
-    if (agents_rule) world.rules = &rules_;
-    SenseRoad(world, 0, LookAhead(world, 0, 20.0), 30.0, false, &view_);
+    Sense(agents_rule, 20.0);
     return view_.obstacle_count;
   }
-
-  RoadNetwork network_ =
-      PlainNet({{"a", "A", "B", 100, "0,0 100,0"}, {"b", "C", "D", 105, "50,-50 50,55"}}, "");
-  Scene scene_{network_};
-  AgentParams params_;
-  JunctionRules rules_{network_, FitLaneCurves(network_, {}), params_};
-  RoadView view_;
 };
 
 // It will stand after 5 m, its front 1 m past our path's middle.
