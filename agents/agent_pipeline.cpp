@@ -156,16 +156,21 @@ double LaneDistance(const World& world, const WayAhead& way, double s, double pr
   }
 }
 
+/// [rad] by which the path turns over the next `distance` [m, as SUMO counts].
+double TurnAhead(const World& world, AgentIndex i, const WayAhead& way, double distance) {
+  const Motion& now = world.traffic->now;
+  int k = 0;
+  while (k + 1 < way.count && way.lanes[k + 1].start <= distance) ++k;
+  const double heading = (*world.curves)[way.lanes[k].lane].At(distance - way.lanes[k].start).heading;
+  return WrapAngle(heading - (now.heading[i] - now.heading_error[i]));
+}
+
 /// [1/m] mean curvature of the path over the next `distance` [m]. A joint of decimetres may bend by much: who
 /// passes it in one step must neither miss it nor take it for a long bend.
 double CurvatureAhead(const World& world, AgentIndex i, const WayAhead& way, double distance) {
   constexpr double kLeastDistance = 0.2;  // [m]
-  const Motion& now = world.traffic->now;
-  if (distance < kLeastDistance) return now.curvature[i];
-  int k = 0;
-  while (k + 1 < way.count && way.lanes[k + 1].start <= distance) ++k;
-  const double heading = (*world.curves)[way.lanes[k].lane].At(distance - way.lanes[k].start).heading;
-  return WrapAngle(heading - (now.heading[i] - now.heading_error[i])) / distance;
+  if (distance < kLeastDistance) return world.traffic->now.curvature[i];
+  return TurnAhead(world, i, way, distance) / distance;
 }
 
 }  // namespace
@@ -331,8 +336,11 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   const double curvature = CurvatureAhead(world, i, way, speed * dt);
   const double progress =
       StepBicycleOnRoad(accel, slip, vehicle.rear_axle_to_front, curvature, dt, &pose, &next_speed);
+  const double lane_distance = LaneDistance(world, way, now.s[i], progress);
   next.d[i] = pose.d;
-  next.heading_error[i] = pose.heading_error;
+  // The body turns as it is steered, not as the path does between where it was and where it is.
+  next.heading_error[i] =
+      WrapAngle(pose.heading_error + curvature * progress - TurnAhead(world, i, way, lane_distance));
   next.speed[i] = next_speed;
   next.accel[i] = (next_speed - speed) / dt;
   next.speed_ref[i] = std::max(0.0, speed + plan.accel * dt);
@@ -341,7 +349,6 @@ void AgentPipeline::StepAgent(const World& world, AgentIndex i, double dt, bool 
   next.time_gap[i] = cruise.time_gap;
   next.follows[i] = cruise.follows;
   next.steering_angle[i] = steering;
-  const double lane_distance = LaneDistance(world, way, now.s[i], progress);
   next.s[i] = now.s[i] + lane_distance;
   next.lane[i] = now.lane[i];
   next.blinker[i] = tactics.blinker;

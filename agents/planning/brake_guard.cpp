@@ -18,6 +18,9 @@ constexpr double kWalking = 2.0;
 constexpr double kStride = 0.2, kRoom = 0.02;
 /// [m] of it that is left when patience is at its end: the ego's way is not quite the arc.
 constexpr double kLeastRoom = 0.001;
+/// [m] the same under the agents' own rules, also beside one that drives, which steers too; and by how much
+/// nearer still counts as not nearer.
+constexpr double kLeastOwnRoom = 0.01, kRoomBesideDriver = 0.05, kNotNearer = 1e-4;
 /// [m] before what it would touch the ego stops: nearer it could not turn away any more.
 constexpr double kRoomToTurn = 1.0;
 /// [s] of waiting after which the ego uses the last bit of room beside a vehicle, which may be waiting for
@@ -50,15 +53,18 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
   const double slip = SlipAngle(steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
   const Footprint own_body = FootprintOf(traffic, ego);
 
-  /// Would the ego touch it? With `room` it stops a metre before, while it is patient.
-  const auto touches = [&](AgentIndex row, bool room) {
+  /// Would the ego touch it, or come nearer than `last_bit`? With `room` it stops a metre before, while it is
+  /// patient.
+  const auto touches = [&](AgentIndex row, bool room, double last_bit) {
     Footprint body = own_body, other = FootprintOf(traffic, row);
     const double depth_now = PenetrationDepth(body, other);
-    if (depth_now > 0.0) return false;  // Braking does not part them.
+    if (depth_now > 0.0 && world.rules == nullptr) return false;  // Braking does not part them.
     const bool person = row >= static_cast<AgentIndex>(traffic.vehicle_count);
     const bool with_room = room && (person || patient);
     const double distance = braking + (with_room ? kRoomToTurn : 0.0);
-    const double least = !with_room || depth_now > -kRoom ? std::min(kLeastRoom, -depth_now) : kRoom;
+    // Where less is left already, or nothing, it must not become less still.
+    const double what_is_left = -depth_now - (world.rules == nullptr ? 0.0 : kNotNearer);
+    const double least = !with_room || depth_now > -kRoom ? std::min(last_bit, what_is_left) : kRoom;
     const int strides = 1 + static_cast<int>(distance / kStride);
     const double stride = distance / strides, its_stride = now.speed[row] * stride / std::max(speed, 0.1);
     const VehicleParams& its = traffic.params[row];
@@ -78,6 +84,7 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
   const float swing = static_cast<float>(vehicle.length * std::abs(std::sin(now.heading_error[ego])));
   const float aside = static_cast<float>(0.5 * vehicle.width) + swing + kNear;
   const float d = static_cast<float>(now.d[ego]);
+  const double least_room = world.rules == nullptr ? kLeastRoom : kLeastOwnRoom;
   const bool at_last = now.waited[ego] > kLastPatience || world.rules == nullptr;
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
@@ -86,7 +93,7 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
                       std::abs(o.d - d) < o.half_width + aside;
     const bool forgiven = o.forgiven > 0.0f;
     if (!near || o.row == leader || now.speed[o.row] > kWalking || (forgiven && at_last)) continue;
-    if (touches(o.row, !forgiven)) return true;
+    if (touches(o.row, !forgiven, least_room)) return true;
   }
 
   // Who drives is left to the rules, and may not even be in view: what they grant is not to be touched.
@@ -104,8 +111,9 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
     if (dx * dx + dy * dy > radius * radius) return;
     // Who drives up from behind has to see to it itself.
     const bool same_way = c * std::cos(now.heading[row]) + s * std::sin(now.heading[row]) > 0.0;
-    if (same_way && dx * c + dy * s < 0.0) return;
-    meets = touches(row, false);
+    const double its_front = (now.x[row] - world.center_x[ego]) * c + (now.y[row] - world.center_y[ego]) * s;
+    if (same_way && its_front < 0.0) return;
+    meets = touches(row, false, kRoomBesideDriver);
   });
   return meets;
 }
