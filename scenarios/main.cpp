@@ -38,7 +38,7 @@ constexpr int kOk = 0, kFailed = 1, kBadInput = 2, kInterrupted = 130;
 
 /// What `run`, `demo` and `bench city` share, as text: checked by Finish.
 struct RunOptions {
-  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"sumo"}, v2x{"off"}, coordinate{"none"},
+  std::string config_file, net_file, scenario, policy{"dwa"}, rules{"agent"}, v2x{"off"}, coordinate{"none"},
       results, params_file, output_folder, samples_file, safety{"full"};
   std::vector<std::string> assignments;
   std::optional<double> end;
@@ -71,9 +71,9 @@ void AddRunOptions(CLI::App* app, RunOptions* o) {
       ->capture_default_str();
   app->add_option(
          "--rules", o->rules,
-         "who answers for signals and right of way: sumo (its checks guard the junctions), or agent "
-         "(the agents themselves;\nwith a penetration of 1 SUMO is passive then: it works out its own "
-         "driving once a second only)")
+         "who answers for signals and right of way: agent (the agents themselves; with a penetration of 1 "
+         "SUMO is passive\nthen: it works out its own driving once a second only), or sumo (its checks "
+         "guard the junctions)")
       ->capture_default_str();
   app->add_option(
          "--v2x", o->v2x,

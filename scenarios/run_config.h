@@ -24,7 +24,7 @@ struct RunConfig {
   std::string scenario;                       ///< Name in the results.
   Policy policy{Policy::kDwa};
   double penetration{1.0};  ///< Share of vehicles given the policy; 0 to 1.
-  Rules rules{Rules::kSumo};
+  Rules rules{Rules::kAgent};
   V2xLevel v2x{V2xLevel::kOff};  ///< How much of a radio channel there is.
   CoordinationSwitches coordinate;
   std::int64_t seed{23423};                      ///< SUMO's default seed.

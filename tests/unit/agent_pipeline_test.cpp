@@ -9,6 +9,7 @@
 
 #include "agents/core/geometry.h"
 #include "agents/core/state_hash.h"
+#include "agents/vehicle/kinematic_bicycle.h"
 #include "tests/support/fleet.h"
 #include "tests/support/no_alloc.h"
 #include "tests/support/small_nets.h"
@@ -100,6 +101,26 @@ TEST(AgentPipeline, AShortLaneThatBendsIsPassedSmoothly) {
       ASSERT_LE(std::hypot(now.x[0] - before.x[0], now.y[0] - before.y[0]), 14.5 * kDt) << start;
       ASSERT_LE(std::abs(WrapAngle(now.heading[0] - before.heading[0])), 0.15) << start;
       ASSERT_LE(std::abs(now.d[0]), 0.6) << start;
+    }
+    EXPECT_EQ(fleet.traffic.now.lane[0], network.FindLane("b_0"));
+  }
+}
+
+// Whatever the path does between two steps, on a lane whose shape is longer than its length too.
+TEST(AgentPipeline, ABodyTurnsAsItIsSteered) {
+  const RoadNetwork network = KinkNet();
+  for (const double speed : {1.0, 4.0, 13.0}) {
+    Fleet fleet(network);
+    fleet.Add({"a", "b"}, 0, 95.0, speed);
+    const VehicleParams& vehicle = fleet.traffic.params[0];
+    for (int k = 0; k < 40; ++k) {
+      const double heading = fleet.traffic.now.heading[0];
+      fleet.Step(kDt);
+      const Motion& now = fleet.traffic.now;
+      const double slip = SlipAngle(now.steering_angle[0], vehicle.wheelbase, vehicle.rear_axle_to_front);
+      ASSERT_NEAR(WrapAngle(now.heading[0] - heading),
+                  now.speed[0] * kDt / vehicle.rear_axle_to_front * std::sin(slip), 1e-9)
+          << "from " << speed << " m/s, step " << k;
     }
     EXPECT_EQ(fleet.traffic.now.lane[0], network.FindLane("b_0"));
   }

@@ -124,6 +124,43 @@ TEST_F(RuledGuard, WhatTheRulesGrantIsNotTouched) {
   EXPECT_FALSE(MustBrake());
 }
 
+// Of a longer one beside the ego the middle may still be behind.
+TEST_F(RuledGuard, WhoHasItsFrontAheadOfTheEgosMiddleIsLookedAt) {
+  Traffic& traffic = scene_.traffic();
+  const auto must_brake = [&](double steering_angle) {
+    const World world = Sense(true, 30.0);
+    return MustBrakeNow(world, 0, kNone, RoadView{}, steering_angle, 4.0, 0.1);
+  };
+  traffic.now.lane[1] = traffic.now.lane[0];
+  traffic.params[1].length = 12.0;
+  traffic.now.d[1] = 0.5 * (traffic.params[0].width + traffic.params[1].width) + 0.1;
+  traffic.now.s[1] = traffic.now.s[0];
+  EXPECT_TRUE(must_brake(0.3));
+  EXPECT_FALSE(must_brake(-0.1));
+  traffic.now.s[1] = traffic.now.s[0] - 4.0;  // It drives up from behind.
+  EXPECT_FALSE(must_brake(0.3));
+}
+
+// The way is not quite the arc that is looked at: a centimetre is left, where SUMO's checks answer a
+// millimetre.
+TEST_F(RuledGuard, ACentimetreIsLeftAndWhatIsTouchedIsNotPressedInto) {
+  Traffic& traffic = scene_.traffic();
+  const auto must_brake = [&](bool agents_rule, double beside) {
+    traffic.now.lane[1] = traffic.now.lane[0];
+    traffic.now.s[1] = traffic.now.s[0] + 1.0;
+    traffic.now.d[1] = beside + 0.5 * (traffic.params[0].width + traffic.params[1].width);
+    traffic.now.speed[1] = 0.0;
+    traffic.now.waited[0] = 10.0f;
+    const World world = Sense(agents_rule, 30.0);
+    return MustBrakeNow(world, 0, kNone, view_, 0.003, 1.0, 0.1);
+  };
+  EXPECT_FALSE(must_brake(true, 0.02));
+  EXPECT_FALSE(must_brake(false, 0.005));
+  EXPECT_TRUE(must_brake(true, 0.005));
+  EXPECT_FALSE(must_brake(false, -0.01));
+  EXPECT_TRUE(must_brake(true, -0.01));
+}
+
 // Its middle is past the ego's, its tail is not: turning left the ego would touch it.
 TEST(TailGuard, WhoComesTowardsTheEgoIsLookedAtUntilItsTailIsPast) {
   const RoadNetwork network =
