@@ -40,7 +40,7 @@ struct JunctionLink {
 };
 
 /// [m] above which a body swings out of its path in a turn.
-inline constexpr double kSwingingBody = 9.0;
+inline constexpr double kSwingingBody = 8.0;
 
 /// Does a vehicle of this length [m] swing so wide on the link that it meets those of
 /// ConflictArea::only_long?

@@ -219,6 +219,25 @@ TEST(JunctionRules, ABlockedFoeDoesNotBlock) {
   EXPECT_TRUE(crossing.Entered(west));
 }
 
+// Its own signal shows green, that of who stands before it on the lane does not.
+TEST(JunctionRules, WhoIsHeldBehindAnotherIsNotWaitedFor) {
+  for (const bool held : {true, false}) {
+    Crossing crossing(RightTurnNet());
+    crossing.Show(held ? "Grg" : "GGg");
+    crossing.fleet.Add({"w", "s_out"}, 0, kArm - 0.5, 0.0);
+    crossing.fleet.Add({"w", "e_out"}, 0, kArm - 8.0, 0.0);
+    const std::size_t ego = crossing.fleet.Add({"s", "n_out"}, 0, kArm - 4.0, 0.0);
+    bool yields = false;
+    for (int k = 0; k < 60; ++k) {
+      crossing.fleet.Step(kStep);
+      yields = yields || crossing.Told(ego).reason == RuleReason::kYield;
+      ASSERT_LT(crossing.Overlap(), 0.0) << "step " << k;
+    }
+    EXPECT_EQ(yields, !held) << "held: " << held;
+    EXPECT_TRUE(crossing.Entered(ego) || !held);
+  }
+}
+
 // When it comes, there seems to be room behind the slow one; when both are at the junction, there is less.
 TEST(JunctionRules, WhoMergesBehindASlowOneComesDownToItsSpeedInTime) {
   for (double slow_at = 12.0; slow_at <= 16.0; slow_at += 1.0) {
