@@ -228,8 +228,9 @@ bool JunctionRules::IsBehindOneThatWaits(const World& world, AgentIndex row) con
   const auto on_lane = world.occupancy->On(lane);
   return std::any_of(on_lane.rbegin(), on_lane.rend(), [&](const Occupant& other) {
     if (other.s <= now.s[row] || now.lane[other.row] != lane) return false;
-    return std::ranges::any_of(Of(other.row),
-                               [](const Approach& a) { return a.position() < 0.0f && !a.going; });
+    const auto next =
+        std::ranges::find_if(Of(other.row), [](const Approach& a) { return a.distance > 0.0f; });
+    return next != Of(other.row).end() && !next->going;
   });
 }
 
@@ -273,8 +274,11 @@ void JunctionRules::Build(const World& world) {
   ListPersons(world);
 #pragma omp parallel for schedule(static) if (traffic.vehicle_count >= 256)
   for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {
-    if (count_[i] > 0 && IsBehindOneThatWaits(world, static_cast<AgentIndex>(i)))
-      for (int k = 0; k < count_[i]; ++k) own_[i * kMaxLinks + k].behind = true;
+    if (count_[i] == 0 || !IsBehindOneThatWaits(world, static_cast<AgentIndex>(i))) continue;
+    for (int k = 0; k < count_[i]; ++k) {
+      Approach& approach = own_[i * kMaxLinks + k];
+      approach.behind = approach.distance > 0.0f;  // Not where its tail still is.
+    }
   }
 
   std::int32_t numbers = 0;

@@ -92,6 +92,7 @@ class JunctionRules {
   std::int32_t LinkBehind(LaneIndex lane, EdgeIndex from) const;
   void ListLinks(const World& world, AgentIndex row);
   void ListPersons(const World& world);
+  /// Is one ahead on its lane that will not take its next link as soon as it is there?
   bool IsBehindOneThatWaits(const World& world, AgentIndex row) const;
   Approach* Append(AgentIndex row, std::int32_t link, double distance);
   Verdict CheckLink(const World& world, AgentIndex ego, const Approach& own, const WayAhead& way, int forced,

@@ -5,6 +5,7 @@
 #include "agents/core/geometry.h"
 #include "tests/support/crossing_net.h"
 #include "tests/support/fleet.h"
+#include "tests/support/fleet_world.h"
 
 namespace lanewise {
 namespace {
@@ -235,6 +236,29 @@ TEST(JunctionRules, WhoIsHeldBehindAnotherIsNotWaitedFor) {
     }
     EXPECT_EQ(yields, !held) << "held: " << held;
     EXPECT_TRUE(crossing.Entered(ego) || !held);
+  }
+}
+
+// The first one waits at J2: whoever is behind it there cannot come, but before J1 and with its tail in J1.
+TEST(JunctionRules, BehindOneThatWaitsIsWhoCannotPassItsNextLine) {
+  const RoadNetwork network = ChainNet(/*edges=*/3, /*lanes=*/1, /*length=*/20.0);
+  for (const bool at_second : {false, true}) {
+    Fleet fleet(network, {}, Rules::kAgent);
+    for (const double s : {19.0, 3.0}) {
+      const std::size_t row = fleet.Add({"e0", "e1", "e2"}, 0, s, 0.0);
+      if (!at_second) continue;
+      fleet.traffic.now.lane[row] = network.FindLane("e1_0");
+      fleet.traffic.route_position[row] = 1;
+    }
+    const FleetWorld seen(network, fleet);
+    JunctionRules rules(network, seen.curves, {});
+    const std::int32_t first_link = rules.map().LinkOfLane(network.FindLane(":J1_0_0"));
+    fleet.traffic.now.rule[0].stop_link = rules.map().LinkOfLane(network.FindLane(":J2_0_0"));
+    fleet.traffic.now.rule[0].reason = RuleReason::kYield;
+    rules.Build(seen.world);
+    ASSERT_EQ(rules.Of(1).size(), 2u);
+    for (const Approach& approach : rules.Of(1))
+      EXPECT_EQ(approach.behind, at_second && approach.link != first_link) << at_second << approach.link;
   }
 }
 
