@@ -31,7 +31,8 @@ constexpr float kPatience = 8.0f;
 /// [m] beyond the ego's body and braking distance within which the middle of one that drives is looked at.
 constexpr double kDrivesNear = 8.0;
 /// [s] of waiting after which who creeps by may touch what is forgiven: nothing else would end a standstill.
-constexpr float kLastPatience = 60.0f;
+/// A bus that turns at full lock past one that waits takes up to a minute and a half.
+constexpr float kLastPatience = 150.0f;
 /// [m] around the ego's body, on top of the braking distance, out of which nothing is touched.
 constexpr float kNear = 1.0f;
 

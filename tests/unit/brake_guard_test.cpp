@@ -186,7 +186,7 @@ TEST_F(RuledGuard, WhatIsForgivenIsNotTouchedUntilPatienceEnds) {
   scene_.traffic().now.speed[1] = 0.0;
   forgiven_ = 1e3f;
   EXPECT_TRUE(MustBrake());
-  scene_.traffic().now.waited[0] = 61.0f;
+  scene_.traffic().now.waited[0] = 151.0f;
   EXPECT_FALSE(MustBrake());
 }
 
