@@ -16,13 +16,11 @@ constexpr double kManoeuvring = 6.0, kPassing = 9.0, kGlance = 0.3;
 constexpr double kWalking = 2.0;
 /// [m] between the poses that are checked, and the room that must be left.
 constexpr double kStride = 0.2, kRoom = 0.02;
-/// [m] of it that is left under SUMO's rules when patience is at its end. Under the agents' own all of it is:
-/// who passes a bus drifts by a centimetre beside its arc.
+/// [m] of it that is left when patience is at its end: the ego's way is not quite the arc.
 constexpr double kLeastRoom = 0.001;
-/// [m] that must be left beside one that drives, which steers too.
-constexpr double kRoomBesideDriver = 0.05;
-/// [m] nearer still counts as not nearer.
-constexpr double kNotNearer = 1e-4;
+/// [m] the same under the agents' own rules, also beside one that drives, which steers too; and by how much
+/// nearer still counts as not nearer.
+constexpr double kLeastOwnRoom = 0.01, kRoomBesideDriver = 0.05, kNotNearer = 1e-4;
 /// [m] before what it would touch the ego stops: nearer it could not turn away any more.
 constexpr double kRoomToTurn = 1.0;
 /// [s] of waiting after which the ego uses the last bit of room beside a vehicle, which may be waiting for
@@ -31,8 +29,7 @@ constexpr float kPatience = 8.0f;
 /// [m] beyond the ego's body and braking distance within which the middle of one that drives is looked at.
 constexpr double kDrivesNear = 8.0;
 /// [s] of waiting after which who creeps by may touch what is forgiven: nothing else would end a standstill.
-/// A bus that turns at full lock past one that waits takes up to a minute and a half.
-constexpr float kLastPatience = 150.0f;
+constexpr float kLastPatience = 60.0f;
 /// [m] around the ego's body, on top of the braking distance, out of which nothing is touched.
 constexpr float kNear = 1.0f;
 
@@ -87,7 +84,7 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
   const float swing = static_cast<float>(vehicle.length * std::abs(std::sin(now.heading_error[ego])));
   const float aside = static_cast<float>(0.5 * vehicle.width) + swing + kNear;
   const float d = static_cast<float>(now.d[ego]);
-  const double least_room = world.rules == nullptr ? kLeastRoom : kRoom;
+  const double least_room = world.rules == nullptr ? kLeastRoom : kLeastOwnRoom;
   const bool at_last = now.waited[ego] > kLastPatience || world.rules == nullptr;
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];

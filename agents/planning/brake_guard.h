@@ -12,8 +12,8 @@ namespace lanewise {
 /// behind it and a metre to turn away in touch something of the view that stands or walks: then it is time to
 /// brake as hard as it can. Without the metre before vehicles once the ego has waited: it may be the ego that
 /// is waited for. From 6 to 9 m/s it looks 0.3 s ahead instead, faster not at all. Under the agents' own
-/// rules also what drives, in the view or not, and for two and a half minutes of waiting what is forgiven
-/// there; without the metre.
+/// rules also what drives, in the view or not, and for a minute of waiting what is forgiven there; without
+/// the metre.
 bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const RoadView& view,
                   double steering_angle, double speed, double dt);
 

@@ -141,9 +141,9 @@ TEST_F(RuledGuard, WhoHasItsFrontAheadOfTheEgosMiddleIsLookedAt) {
   EXPECT_FALSE(must_brake(0.3));
 }
 
-// The way is not quite the arc that is looked at: two centimetres are left, where SUMO's checks answer a
+// The way is not quite the arc that is looked at: a centimetre is left, where SUMO's checks answer a
 // millimetre.
-TEST_F(RuledGuard, TwoCentimetresAreLeftAndWhatIsTouchedIsNotPressedInto) {
+TEST_F(RuledGuard, ACentimetreIsLeftAndWhatIsTouchedIsNotPressedInto) {
   Traffic& traffic = scene_.traffic();
   const auto must_brake = [&](bool agents_rule, double beside) {
     traffic.now.lane[1] = traffic.now.lane[0];
@@ -154,9 +154,9 @@ TEST_F(RuledGuard, TwoCentimetresAreLeftAndWhatIsTouchedIsNotPressedInto) {
     const World world = Sense(agents_rule, 30.0);
     return MustBrakeNow(world, 0, kNone, view_, 0.003, 1.0, 0.1);
   };
-  EXPECT_FALSE(must_brake(true, 0.03));
+  EXPECT_FALSE(must_brake(true, 0.02));
   EXPECT_FALSE(must_brake(false, 0.005));
-  EXPECT_TRUE(must_brake(true, 0.015));
+  EXPECT_TRUE(must_brake(true, 0.005));
   EXPECT_FALSE(must_brake(false, -0.01));
   EXPECT_TRUE(must_brake(true, -0.01));
 }
@@ -186,7 +186,7 @@ TEST_F(RuledGuard, WhatIsForgivenIsNotTouchedUntilPatienceEnds) {
   scene_.traffic().now.speed[1] = 0.0;
   forgiven_ = 1e3f;
   EXPECT_TRUE(MustBrake());
-  scene_.traffic().now.waited[0] = 151.0f;
+  scene_.traffic().now.waited[0] = 61.0f;
   EXPECT_FALSE(MustBrake());
 }
 
