@@ -4,6 +4,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "agents/planning/body_sweep.h"
 #include "agents/planning/car_following.h"
 
 namespace lanewise {
@@ -153,8 +154,10 @@ void CheckBeside(const AgentParams& params, const PlanContext& c, const SpeedPro
     }
   }
   const float comfort = static_cast<float>(params.dwa.clearance_comfort), margin = Margin(params.dwa, c);
+  const bool sweeps = SweepsAcross(view, c);
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
+    if (sweeps && o.body.length > 0.0) continue;  // LimitBySweep sees those.
     if (o.forgiven > 0.0f || o.s - o.half_length > 0.0f || o.s < -ego_length) continue;
     const float drift = std::abs(o.speed_d) * o.drift_time;
     if (o.d - o.half_width - drift > leftmost + comfort || o.d + o.half_width + drift < rightmost - comfort)
@@ -388,8 +391,11 @@ void LimitCourseSpeeds(const AgentParams& params, const RoadView& view, const Pl
 
   const float margin = Margin(params.dwa, c);
   const float half_width = static_cast<float>(0.5 * vehicle.width);
+  const bool sweeps = SweepsAcross(view, c);
+  if (sweeps) LimitBySweep(params, view, c, margin, courses);
   for (int m = 0; m < view.obstacle_count; ++m) {
     const Obstacle& o = view.obstacles[m];
+    if (sweeps && o.body.length > 0.0) continue;
     const float gap = o.s - o.half_length;
     if (gap <= 0.0f) continue;
     // Who comes towards us needs room to stop, too.

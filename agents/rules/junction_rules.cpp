@@ -221,6 +221,19 @@ void JunctionRules::ListLinks(const World& world, AgentIndex row) {
   }
 }
 
+bool JunctionRules::IsBehindOneThatWaits(const World& world, AgentIndex row) const {
+  const Motion& now = world.traffic->now;
+  const LaneIndex lane = now.lane[row];
+  if (lane == kNone || network_.lanes[lane].internal) return false;
+  const auto on_lane = world.occupancy->On(lane);
+  return std::any_of(on_lane.rbegin(), on_lane.rend(), [&](const Occupant& other) {
+    if (other.s <= now.s[row] || now.lane[other.row] != lane) return false;
+    const auto next =
+        std::ranges::find_if(Of(other.row), [](const Approach& a) { return a.distance > 0.0f; });
+    return next != Of(other.row).end() && !next->going;
+  });
+}
+
 void JunctionRules::ListPersons(const World& world) {
   const Traffic& traffic = *world.traffic;
   for (std::size_t i = traffic.vehicle_count; i < traffic.size(); ++i) {
@@ -259,6 +272,14 @@ void JunctionRules::Build(const World& world) {
 #pragma omp parallel for schedule(static) if (traffic.vehicle_count >= 256)
   for (std::size_t i = 0; i < traffic.vehicle_count; ++i) ListLinks(world, static_cast<AgentIndex>(i));
   ListPersons(world);
+#pragma omp parallel for schedule(static) if (traffic.vehicle_count >= 256)
+  for (std::size_t i = 0; i < traffic.vehicle_count; ++i) {
+    if (count_[i] == 0 || !IsBehindOneThatWaits(world, static_cast<AgentIndex>(i))) continue;
+    for (int k = 0; k < count_[i]; ++k) {
+      Approach& approach = own_[i * kMaxLinks + k];
+      approach.behind = approach.distance > 0.0f;  // Not where its tail still is.
+    }
+  }
 
   std::int32_t numbers = 0;
   for (std::size_t i = 0; i < traffic.vehicle_count; ++i) numbers = std::max(numbers, traffic.number[i] + 1);
@@ -574,7 +595,7 @@ JunctionRules::Verdict JunctionRules::CheckLink(const World& world, AgentIndex e
     seen.stops_at = may_wait_inside || can_halt_at_line ? stop_at : kNowhere;
     if (stop_at >= verdict.stop_at) continue;
     for (const Approach& other : On(area.foe)) {
-      if (other.row == ego) continue;
+      if (other.row == ego || other.behind) continue;
       if (area.only_long && !SwingsWide(link, vehicle.length) &&
           !SwingsWide(map_.links()[other.link], traffic.params[other.row].length)) {
         continue;

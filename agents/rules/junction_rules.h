@@ -21,6 +21,7 @@ struct Approach {
   float distance{0.0f};  ///< [m] from the front bumper to the stop line; < 0 behind it.
   float stops_at{0.0f};  ///< [m] on the link: the next place where it still can halt and may; huge if none.
   bool going{true};      ///< Will take the link as soon as it is there, as far as known.
+  bool behind{false};    ///< Behind one of its lane that waits before the junction, bound wherever.
   bool person{false};    ///< On a crossing.
   bool backward{false};  ///< Walks against the link's direction.
 
@@ -91,6 +92,8 @@ class JunctionRules {
   std::int32_t LinkBehind(LaneIndex lane, EdgeIndex from) const;
   void ListLinks(const World& world, AgentIndex row);
   void ListPersons(const World& world);
+  /// Is one ahead on its lane that will not take its next link as soon as it is there?
+  bool IsBehindOneThatWaits(const World& world, AgentIndex row) const;
   Approach* Append(AgentIndex row, std::int32_t link, double distance);
   Verdict CheckLink(const World& world, AgentIndex ego, const Approach& own, const WayAhead& way, int forced,
                     const OwnTurn* turn, RuleAnswer* answer) const;

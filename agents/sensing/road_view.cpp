@@ -461,6 +461,12 @@ void SenseRoad(const World& world, AgentIndex ego, const WayAhead& way, double h
         obstacle.forgiven = kCorner;
       }
     }
+    if (own_rules && !person && world.traffic->now.speed[row] < kStanding) {
+      const Motion& now = world.traffic->now;
+      obstacle.body = {{now.x[row] - view->origin_x, now.y[row] - view->origin_y, now.heading[row]},
+                       world.traffic->params[row].length,
+                       world.traffic->params[row].width};
+    }
     Keep(obstacle, view);
   });
 }

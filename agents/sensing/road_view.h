@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "agents/core/geometry.h"
 #include "agents/core/spatial_grid.h"
 #include "agents/network/lane_curve.h"
 #include "agents/network/road_network.h"
@@ -91,6 +92,8 @@ struct Obstacle {
   /// [m] of lateral overlap that does not stop us: kept clear of where there is room, not waited for.
   float forgiven;
   bool hazard;  ///< Stands with hazard lights, or is a person: may be passed at any time.
+  /// Of a vehicle that stands: its box relative to the view's origin, world axes. Otherwise of length 0.
+  Footprint body;
 };
 
 inline constexpr int kMaxObstacles = 24;

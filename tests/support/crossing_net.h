@@ -115,6 +115,29 @@ inline RoadNetwork CrossingBehindNet() {
 <connection from=":J_1" to="b_out" fromLane="0" toLane="0" dir="s" state="M"/></net>)");
 }
 
+/// "w" from the west goes on as "e_out" or turns right to "s_out", from one lane; "s" from the south crosses
+/// it to "n_out". Links 0 (w to e_out), 1 (w to s_out) and 2 (s), which yields to link 0, of signal "J".
+inline RoadNetwork RightTurnNet() {
+  return LoadNetText(R"(<net version="1.9">
+<edge id=":J_0" function="internal"><lane id=":J_0_0" index="0" speed="13.89" length="16" shape="-8,0 8,0"/></edge>
+<edge id=":J_1" function="internal"><lane id=":J_1_0" index="0" speed="13.89" length="12" shape="-8,0 -2,-2 0,-8"/></edge>
+<edge id=":J_2" function="internal"><lane id=":J_2_0" index="0" speed="13.89" length="16" shape="4,-8 4,8"/></edge>
+<edge id="w" from="w" to="J"><lane id="w_0" index="0" speed="13.89" length="150" shape="-158,0 -8,0"/></edge>
+<edge id="s" from="s" to="J"><lane id="s_0" index="0" speed="13.89" length="150" shape="4,-158 4,-8"/></edge>
+<edge id="e_out" from="J" to="e"><lane id="e_out_0" index="0" speed="13.89" length="150" shape="8,0 158,0"/></edge>
+<edge id="s_out" from="J" to="s"><lane id="s_out_0" index="0" speed="13.89" length="150" shape="0,-8 0,-158"/></edge>
+<edge id="n_out" from="J" to="n"><lane id="n_out_0" index="0" speed="13.89" length="150" shape="4,8 4,158"/></edge>
+<junction id="J" type="traffic_light" incLanes="w_0 s_0" intLanes=":J_0_0 :J_1_0 :J_2_0"><request index="0" response="000" foes="100" cont="0"/><request index="1" response="000" foes="000" cont="0"/><request index="2" response="001" foes="001" cont="0"/></junction>
+<junction id="w" type="dead_end" incLanes="" intLanes=""/><junction id="s" type="dead_end" incLanes="s_out_0" intLanes=""/>
+<junction id="e" type="dead_end" incLanes="e_out_0" intLanes=""/><junction id="n" type="dead_end" incLanes="n_out_0" intLanes=""/>
+<connection from="w" to="e_out" fromLane="0" toLane="0" via=":J_0_0" dir="s" state="O" tl="J" linkIndex="0"/>
+<connection from="w" to="s_out" fromLane="0" toLane="0" via=":J_1_0" dir="r" state="O" tl="J" linkIndex="1"/>
+<connection from="s" to="n_out" fromLane="0" toLane="0" via=":J_2_0" dir="s" state="o" tl="J" linkIndex="2"/>
+<connection from=":J_0" to="e_out" fromLane="0" toLane="0" dir="s" state="M"/>
+<connection from=":J_1" to="s_out" fromLane="0" toLane="0" dir="r" state="M"/>
+<connection from=":J_2" to="n_out" fromLane="0" toLane="0" dir="s" state="M"/></net>)");
+}
+
 /// "w" from the west and "e" from the east both turn left at (0, 0), to "n_out" and "s_out": before each
 /// other, on arcs of 9.6 m 3.4 m apart, so that the net knows of no conflict. Links 0 (from w) and 1 (from
 /// e).

@@ -5,6 +5,7 @@
 #include "agents/core/geometry.h"
 #include "tests/support/crossing_net.h"
 #include "tests/support/fleet.h"
+#include "tests/support/fleet_world.h"
 
 namespace lanewise {
 namespace {
@@ -217,6 +218,48 @@ TEST(JunctionRules, ABlockedFoeDoesNotBlock) {
   const std::size_t west = crossing.From("w", 20.0, 8.0);
   for (int k = 0; k < 60; ++k) crossing.fleet.Step(kStep);
   EXPECT_TRUE(crossing.Entered(west));
+}
+
+// Its own signal shows green, that of who stands before it on the lane does not.
+TEST(JunctionRules, WhoIsHeldBehindAnotherIsNotWaitedFor) {
+  for (const bool held : {true, false}) {
+    Crossing crossing(RightTurnNet());
+    crossing.Show(held ? "Grg" : "GGg");
+    crossing.fleet.Add({"w", "s_out"}, 0, kArm - 0.5, 0.0);
+    crossing.fleet.Add({"w", "e_out"}, 0, kArm - 8.0, 0.0);
+    const std::size_t ego = crossing.fleet.Add({"s", "n_out"}, 0, kArm - 4.0, 0.0);
+    bool yields = false;
+    for (int k = 0; k < 60; ++k) {
+      crossing.fleet.Step(kStep);
+      yields = yields || crossing.Told(ego).reason == RuleReason::kYield;
+      ASSERT_LT(crossing.Overlap(), 0.0) << "step " << k;
+    }
+    EXPECT_EQ(yields, !held) << "held: " << held;
+    EXPECT_TRUE(crossing.Entered(ego) || !held);
+  }
+}
+
+// The first one waits at J2: whoever is behind it there cannot come, but before J1 and with its tail in J1.
+TEST(JunctionRules, BehindOneThatWaitsIsWhoCannotPassItsNextLine) {
+  const RoadNetwork network = ChainNet(/*edges=*/3, /*lanes=*/1, /*length=*/20.0);
+  for (const bool at_second : {false, true}) {
+    Fleet fleet(network, {}, Rules::kAgent);
+    for (const double s : {19.0, 3.0}) {
+      const std::size_t row = fleet.Add({"e0", "e1", "e2"}, 0, s, 0.0);
+      if (!at_second) continue;
+      fleet.traffic.now.lane[row] = network.FindLane("e1_0");
+      fleet.traffic.route_position[row] = 1;
+    }
+    const FleetWorld seen(network, fleet);
+    JunctionRules rules(network, seen.curves, {});
+    const std::int32_t first_link = rules.map().LinkOfLane(network.FindLane(":J1_0_0"));
+    fleet.traffic.now.rule[0].stop_link = rules.map().LinkOfLane(network.FindLane(":J2_0_0"));
+    fleet.traffic.now.rule[0].reason = RuleReason::kYield;
+    rules.Build(seen.world);
+    ASSERT_EQ(rules.Of(1).size(), 2u);
+    for (const Approach& approach : rules.Of(1))
+      EXPECT_EQ(approach.behind, at_second && approach.link != first_link) << at_second << approach.link;
+  }
 }
 
 // When it comes, there seems to be room behind the slow one; when both are at the junction, there is less.
