@@ -4,8 +4,8 @@
 
 namespace lanewise {
 
-/// Is the ego so long, and its bend so tight or the ego so far turned from its path, that what its body sweeps
-/// cannot be told from where its bumpers are across the path?
+/// Is the ego so long, and its bend so tight or the ego so far turned from its path, that what its body
+/// sweeps cannot be told from where its bumpers are across the path?
 bool SweepsAcross(const RoadView& view, const PlanContext& context);
 
 /// Like LimitCourseSpeeds, for the obstacles whose `body` is known: each course is driven in the world, and

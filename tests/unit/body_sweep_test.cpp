@@ -98,6 +98,18 @@ TEST_F(ABusOnACircle, WhatItWouldTouchEndsTheCourseThere) {
   EXPECT_NEAR(courses_->safe_speed[0], SafeSpeed(room, 0.0, bus_.max_decel, context_.time_gap), 1e-5);
 }
 
+// At speed it looks as far as the view does.
+TEST_F(ABusOnACircle, WhatStandsFarAheadIsSeen) {
+  view_ = PathView(/*horizon=*/60.0);
+  context_.heading_error = context_.slip = 0.0;
+  Obstacle o{};
+  o.body = {{47.0, 0.0, 0.0}, 5.0, 1.8};
+  view_.obstacles[view_.obstacle_count++] = o;
+  Limit();
+  EXPECT_LT(courses_->safe_speed[0], 100.0f);
+  EXPECT_NEAR(courses_->leader_gap, 42.0, 1.5);
+}
+
 TEST_F(ABusOnACircle, WhatItStandsBesideStopsItOnlyIfItComesNearer) {
   // Left of the rear axle, which is l_r behind the front along the heading; the flank turns away from there.
   const double slip = context_.slip;
