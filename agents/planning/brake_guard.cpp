@@ -14,6 +14,8 @@ namespace {
 constexpr double kManoeuvring = 6.0, kPassing = 9.0, kGlance = 0.3;
 /// [m/s] from which others drive: the planner keeps away from them, the guard only from touching.
 constexpr double kWalking = 2.0;
+/// [m/s] below which one that makes room for the ego may stop doing so at once, as it may for the ego.
+constexpr double kMayStop = 0.5;
 /// [m] between the poses that are checked, and the room that must be left.
 constexpr double kStride = 0.2, kRoom = 0.02;
 /// [m] of it that is left when patience is at its end: the ego's way is not quite the arc.
@@ -52,10 +54,14 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
   const bool patient = now.waited[ego] <= kPatience && !glances;
   const double slip = SlipAngle(steering_angle, vehicle.wheelbase, vehicle.rear_axle_to_front);
   const Footprint own_body = FootprintOf(traffic, ego);
+  // [rad] The lane's frame, in which the ego is moved, turns with the lane once a step: it drifts into a bend
+  // by half a curvature times the step's way squared. A centimetre of room is used up by that within a body's
+  // length.
+  const double drift = world.rules == nullptr ? 0.0 : 0.5 * now.curvature[ego] * speed * dt;
 
   /// Would the ego touch it, or come nearer than `last_bit`? With `room` it stops a metre before, while it is
   /// patient.
-  const auto touches = [&](AgentIndex row, bool room, double last_bit) {
+  const auto touches = [&](AgentIndex row, bool room, double last_bit, double its_speed) {
     Footprint body = own_body, other = FootprintOf(traffic, row);
     const double depth_now = PenetrationDepth(body, other);
     if (depth_now > 0.0 && world.rules == nullptr) return false;  // Braking does not part them.
@@ -66,13 +72,15 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
     const double what_is_left = -depth_now - (world.rules == nullptr ? 0.0 : kNotNearer);
     const double least = !with_room || depth_now > -kRoom ? std::min(last_bit, what_is_left) : kRoom;
     const int strides = 1 + static_cast<int>(distance / kStride);
-    const double stride = distance / strides, its_stride = now.speed[row] * stride / std::max(speed, 0.1);
+    const double stride = distance / strides, its_stride = its_speed * stride / std::max(speed, 0.1);
     const VehicleParams& its = traffic.params[row];
     const double its_slip =
         person ? 0.0 : SlipAngle(now.steering_angle[row], its.wheelbase, its.rear_axle_to_front);
     for (int k = 0; k < strides; ++k) {
       double unused_speed = stride, its_unused_speed = its_stride;  // One step of 1 s.
       StepBicycle(0.0, slip, vehicle.rear_axle_to_front, 1.0, &body.front, &unused_speed);
+      body.front.x -= drift * stride * std::sin(body.front.heading);
+      body.front.y += drift * stride * std::cos(body.front.heading);
       StepBicycle(0.0, its_slip, its.rear_axle_to_front, 1.0, &other.front, &its_unused_speed);
       if (PenetrationDepth(body, other) > -least) return true;
     }
@@ -93,7 +101,9 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
                       std::abs(o.d - d) < o.half_width + aside;
     const bool forgiven = o.forgiven > 0.0f;
     if (!near || o.row == leader || now.speed[o.row] > kWalking || (forgiven && at_last)) continue;
-    if (touches(o.row, !forgiven, least_room)) return true;
+    if (touches(o.row, !forgiven, least_room, now.speed[o.row])) return true;
+    const bool may_stop = world.rules != nullptr && now.speed[o.row] > 0.0 && now.speed[o.row] < kMayStop;
+    if (may_stop && touches(o.row, !forgiven, least_room, 0.0)) return true;
   }
 
   // Who drives is left to the rules, and may not even be in view: what they grant is not to be touched.
@@ -113,7 +123,7 @@ bool MustBrakeNow(const World& world, AgentIndex ego, AgentIndex leader, const R
     const bool same_way = c * std::cos(now.heading[row]) + s * std::sin(now.heading[row]) > 0.0;
     const double its_front = (now.x[row] - world.center_x[ego]) * c + (now.y[row] - world.center_y[ego]) * s;
     if (same_way && its_front < 0.0) return;
-    meets = touches(row, false, kRoomBesideDriver);
+    meets = touches(row, false, kRoomBesideDriver, now.speed[row]);
   });
   return meets;
 }

@@ -161,6 +161,38 @@ TEST_F(RuledGuard, ACentimetreIsLeftAndWhatIsTouchedIsNotPressedInto) {
   EXPECT_TRUE(must_brake(true, -0.01));
 }
 
+// At 1 m/s a step is 0.1 m: on a lane that bends left by 0.1 /m the ego drifts left by 0.5 mm a step, 5 mm a
+// metre, towards what stands there a centimetre from its flank.
+TEST_F(RuledGuard, TheDriftIntoABendIsForeseen) {
+  Traffic& traffic = scene_.traffic();
+  traffic.now.lane[1] = traffic.now.lane[0];
+  traffic.now.s[1] = traffic.now.s[0] + 1.0;
+  traffic.now.d[1] = 0.0102 + 0.5 * (traffic.params[0].width + traffic.params[1].width);
+  traffic.now.speed[1] = 0.0;
+  traffic.now.waited[0] = 10.0f;
+  const World world = Sense(true, 30.0);
+  for (const double curvature : {-0.1, 0.0, 0.1}) {
+    traffic.now.curvature[0] = curvature;
+    EXPECT_EQ(MustBrakeNow(world, 0, kNone, view_, 0.0, 1.0, 0.1), curvature > 0.0) << curvature;
+  }
+}
+
+// Two that creep by each other took turns in coming nearer: each counted on the other's moving away.
+TEST_F(RuledGuard, RoomThatOneWhoCreepsMakesIsNotCountedOn) {
+  Traffic& traffic = scene_.traffic();
+  traffic.now.lane[1] = traffic.now.lane[0];
+  traffic.now.s[1] = traffic.now.s[0] + traffic.params[1].length + 0.04;  // 3.6 cm to stop from 0.3 m/s.
+  traffic.now.waited[0] = 10.0f;
+  const auto must_brake = [&](bool agents_rule, double its_speed) {
+    traffic.now.speed[1] = its_speed;
+    const World world = Sense(agents_rule, 30.0);
+    return MustBrakeNow(world, 0, kNone, view_, 0.0, 0.3, 0.1);
+  };
+  EXPECT_TRUE(must_brake(true, 0.4));
+  EXPECT_FALSE(must_brake(true, 0.6));
+  EXPECT_FALSE(must_brake(false, 0.4));
+}
+
 // Its middle is past the ego's, its tail is not: turning left the ego would touch it.
 TEST(TailGuard, WhoComesTowardsTheEgoIsLookedAtUntilItsTailIsPast) {
   const RoadNetwork network =
