@@ -10,8 +10,7 @@
 namespace lanewise {
 namespace {
 
-/// Poses of a sweep, and [m] between them at least: the whole view is swept, but past what is beside the
-/// body.
+/// Poses of a sweep, and [m] between them at least: it covers the whole view, and past the longest body.
 constexpr int kPoses = 51;
 constexpr double kLeastStride = 0.5;
 /// [rad] of a bend over the body's length, and between body and path, up to which the bumpers tell enough.
