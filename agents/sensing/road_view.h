@@ -92,8 +92,8 @@ struct Obstacle {
   /// [m] of lateral overlap that does not stop us: kept clear of where there is room, not waited for.
   float forgiven;
   bool hazard;  ///< Stands with hazard lights, or is a person: may be passed at any time.
-  /// Of a vehicle that stands, under the agents' own rules: its box relative to the view's origin, world axes.
-  /// Otherwise of length 0.
+  /// Of a vehicle that stands, under the agents' own rules: its box relative to the view's origin, world
+  /// axes. Otherwise of length 0.
   Footprint body;
 };
 
